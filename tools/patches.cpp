@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
 
@@ -34,24 +33,17 @@ namespace {
 
 constexpr double kDegree = M_PI / 180.0;
 
-const std::map<std::string, Consistency> kConsistencies = {
-    {"none", Consistency::kNone},
-    {"paper", Consistency::kPaper},
-    {"continuity", Consistency::kContinuity}};
-
 struct Arguments {
   RoadCloudArguments input;
-  std::string out, line;
-  RoadSurfaceOptions options;
-  double max_slope_deg = RoadSurfaceOptions().max_slope / kDegree;
-  std::string consistency = "continuity", engine = "camber";
+  std::string out;
+  SurfaceArguments surface;
+  std::string engine = "camber";
   bool overwrite = false;
   bool las = false;
 };
 
 void add_arguments(App& app, Arguments& a) {
-  RoadSurfaceOptions& bound = a.options;
-  add_road_cloud_arguments(app, a.input, bound.inlier_threshold);
+  add_road_cloud_arguments(app, a.input, a.surface.options.inlier_threshold);
   app.add_option("--out", a.out,
                  "folder for surface.json, labels.ply (the cloud with an int patch) and run.json")
       ->output_folder()
@@ -60,27 +52,8 @@ void add_arguments(App& app, Arguments& a) {
                "write labels.las, too: the input as it is, with patch as an extra attribute; of a "
                "LAS input all records stay");
   app.add_flag("--overwrite", a.overwrite, "replace a folder that is not a Camber result");
-  app.add_option("--max-slope-deg", a.max_slope_deg, "steepest ground, degrees from level")
-      ->capture_default_str();
-  app.add_option("--min-points", bound.min_patch_points, "patches on fewer points are dropped")
-      ->capture_default_str();
-  app.add_option("--tolerance", bound.tolerance,
-                 "metres that ground may bend away from its patch, at least")
-      ->capture_default_str();
-  app.add_option("--tolerance-sigmas", bound.tolerance_sigmas,
-                 "the same in standard deviations of a point, at least")
-      ->capture_default_str();
-  app.add_option("--driven-line", a.line,
-                 "points of the driven path in order (any cloud format): tells the road from other "
-                 "ground, and ahead from behind");
-  app.add_option("--consistency", a.consistency,
-                 "continuity: neighbours meet at equal heights; paper: equation 8, alike normals "
-                 "and offsets; none")
-      ->check(is_member({"continuity", "paper", "none"}))
-      ->capture_default_str();
-  app.add_option("--link-distance", bound.consistency.link_distance,
-                 "metres within which patches are neighbours")
-      ->capture_default_str();
+  add_segment_arguments(app, a.surface);
+  add_graph_arguments(app, a.surface);
   app.add_option("--engine", a.engine,
                  "camber, or pcl: the Point Cloud Library's region growing, for comparison (takes "
                  "no threshold, tolerance, sigmas nor consistency)")
@@ -94,25 +67,15 @@ RoadSurfaceFit fit_by_pcl(const RoadCloud& cloud, const RoadSurfaceOptions& opti
   return pcl->fit_road_surface(cloud, options);
 }
 
-RoadSurfaceOptions surface_options(const Command& command, const Arguments& args) {
-  RoadSurfaceOptions options = args.options;
-  options.seed = command.common.seed;
-  options.num_threads = command.common.threads;
-  options.max_slope = args.max_slope_deg * kDegree;
-  options.consistency.consistency = kConsistencies.at(args.consistency);
-  options.validate();
-  return options;
-}
-
 json options_json(const Command& command, const Arguments& args,
                   const RoadSurfaceOptions& options) {
   json out = {{"up", {options.up->x(), options.up->y(), options.up->z()}},
-              {"max_slope_deg", args.max_slope_deg},
+              {"max_slope_deg", args.surface.max_slope_deg},
               {"threshold", options.inlier_threshold},
               {"min_points", options.min_patch_points},
               {"tolerance", options.tolerance},
               {"tolerance_sigmas", options.tolerance_sigmas},
-              {"consistency", args.engine == "pcl" ? "none" : args.consistency},
+              {"consistency", args.engine == "pcl" ? "none" : args.surface.consistency},
               {"engine", args.engine},
               {"link_distance", options.consistency.link_distance}};
   add_other_options(command, &out);
@@ -152,7 +115,7 @@ void keep_within(const PlanBounds& of_file, CloudFile* file, RoadSurfaceFit* fit
 }
 
 int run(const Command& command, const Arguments& args) {
-  RoadSurfaceOptions options = surface_options(command, args);
+  RoadSurfaceOptions options = args.surface.in_force(command.common);
   AtomicFolder folder(args.out, args.overwrite);
   Timings timings;
   StageTimer load(timings, "load");
@@ -164,7 +127,6 @@ int run(const Command& command, const Arguments& args) {
     reading.bounds = bounds->grown(in_units_of_file(args.input.cloud, reading, kMargin));
   }
   CloudFile file = args.input.read(command.common, reading, args.las);
-  if (!args.line.empty()) options.driven_line = read_line(args.line);
   load.stop();
   options.up = args.input.up.up(file.cloud);
   options.viewpoint = args.input.up.viewpoint();

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <map>
 #include <nlohmann/json.hpp>
 
 #include "camber/cloud/cloud_io.h"
@@ -134,6 +135,49 @@ RoadSurface read_camera_surface(const std::string& folder) {
                      "found \"" + surface.frame + "\", expected \"camera\"");
   }
   return surface;
+}
+
+void add_segment_arguments(App& app, SurfaceArguments& arguments) {
+  app.add_option("--max-slope-deg", arguments.max_slope_deg, "steepest ground, degrees from level")
+      ->capture_default_str();
+  app.add_option("--min-points", arguments.options.min_patch_points,
+                 "patches on fewer points are dropped")
+      ->capture_default_str();
+  app.add_option("--tolerance", arguments.options.tolerance,
+                 "metres that ground may bend away from its patch, at least")
+      ->capture_default_str();
+  app.add_option("--tolerance-sigmas", arguments.options.tolerance_sigmas,
+                 "the same in standard deviations of a point, at least")
+      ->capture_default_str();
+}
+
+void add_graph_arguments(App& app, SurfaceArguments& arguments) {
+  app.add_option("--driven-line", arguments.line,
+                 "points of the driven path in order (any cloud format): tells the road from other "
+                 "ground, and ahead from behind");
+  app.add_option("--consistency", arguments.consistency,
+                 "continuity: neighbours meet at equal heights; paper: equation 8, alike normals "
+                 "and offsets; none")
+      ->check(is_member({"continuity", "paper", "none"}))
+      ->capture_default_str();
+  app.add_option("--link-distance", arguments.options.consistency.link_distance,
+                 "metres within which patches are neighbours")
+      ->capture_default_str();
+}
+
+RoadSurfaceOptions SurfaceArguments::in_force(const CommonOptions& common) const {
+  static const std::map<std::string, Consistency> kConsistencies = {
+      {"none", Consistency::kNone},
+      {"paper", Consistency::kPaper},
+      {"continuity", Consistency::kContinuity}};
+  RoadSurfaceOptions out = options;
+  out.seed = common.seed;
+  out.num_threads = common.threads;
+  out.max_slope = max_slope_deg * M_PI / 180.0;
+  out.consistency.consistency = kConsistencies.at(consistency);
+  if (!line.empty()) out.driven_line = read_line(line);
+  out.validate();
+  return out;
 }
 
 }  // namespace camber::tools

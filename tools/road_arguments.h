@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cmath>
 #include <nlohmann/json_fwd.hpp>
 #include <optional>
 #include <string>
@@ -8,7 +9,7 @@
 
 #include "camber/cloud/road_cloud.h"
 #include "camber/core/stopwatch.h"
-#include "camber/road/road_surface.h"
+#include "camber/road/fit_road_surface.h"
 #include "cloud_arguments.h"
 #include "command.h"
 
@@ -44,6 +45,21 @@ struct RoadCloudArguments {
 /// Adds the cloud, --up, --viewpoint, --threshold (metres, 0: none), how to read the cloud, and
 /// --json. The references must live as long as the app.
 void add_road_cloud_arguments(App& app, RoadCloudArguments& arguments, double& threshold);
+
+/// How a cloud is cut into patches, and what joins them: of `patches` and of tiles.
+struct SurfaceArguments {
+  RoadSurfaceOptions options;
+  double max_slope_deg = 180.0 / M_PI * RoadSurfaceOptions().max_slope;
+  std::string line, consistency = "continuity";
+
+  /// With the driven line read. @throws std::invalid_argument
+  RoadSurfaceOptions in_force(const CommonOptions& common) const;
+};
+
+/// --max-slope-deg, --min-points, --tolerance, --tolerance-sigmas; must live as long as the app.
+void add_segment_arguments(App& app, SurfaceArguments& arguments);
+/// --driven-line, --consistency, --link-distance; the same.
+void add_graph_arguments(App& app, SurfaceArguments& arguments);
 
 /// The points of a file (any cloud format, in their order) as a polyline.
 /// @throws InputError if it cannot be read; NoAnswerError for fewer than two points.

@@ -11,19 +11,30 @@
 #include "camber/core/errors.h"
 #include "camber/core/stopwatch.h"
 #include "camber/core/version.h"
+#include "camber/scene/results.h"
 #include "camber/tiles/plan_tiles.h"
 #include "camber/tiles/tile_job.h"
 #include "cloud_arguments.h"
 #include "command.h"
 #include "crs.h"
+#include "road_arguments.h"
 
 using nlohmann::json;
 
 namespace camber::tools {
 namespace {
 
-void print(const json& value) {
-  fmt::print("{}\n", value.dump(2, ' ', false, json::error_handler_t::replace));
+/// What all three print as JSON.
+/// @param found  keys of the command
+void print(const Command& command, const std::string& out, const Timings& timings, json found) {
+  json used;
+  add_other_options(command, &used);
+  found["version"] = kVersion;
+  found["seed"] = command.common.seed;
+  found["options"] = used;
+  found["out"] = out;
+  found["timings_ms"] = cloud_timings(timings);
+  fmt::print("{}\n", found.dump(2, ' ', false, json::error_handler_t::replace));
 }
 
 // --- plan --------------------------------------------------------------------------------------
@@ -77,18 +88,12 @@ int run_plan(const Command& command, const PlanArguments& arguments) {
     fmt::print("\n");
     return 0;
   }
-  json used;
-  add_other_options(command, &used);
-  print({{"version", kVersion},
-         {"seed", command.common.seed},
-         {"options", used},
-         {"out", arguments.out},
-         {"crs", plan.crs.empty() ? json(nullptr) : json(plan.crs)},
+  print(command, arguments.out, timings,
+        {{"crs", plan.crs.empty() ? json(nullptr) : json(plan.crs)},
          {"points", plan.points},
          {"tiles", plan.tiles.size()},
          {"largest_tile", largest},
-         {"ground", ground_json(plan)},
-         {"timings_ms", cloud_timings(timings)}});
+         {"ground", ground_json(plan)}});
   return 0;
 }
 
@@ -154,9 +159,10 @@ void register_plan(App& tiles) {
 // --- run, join ---------------------------------------------------------------------------------
 
 struct JobArguments {
-  std::string plan, job, shard, out;
+  std::string plan, job, shard, out, patches, truth;
   std::optional<int> tile;
   TileJob options;
+  SurfaceArguments surface;
   bool as_json = false;
 };
 
@@ -165,15 +171,22 @@ TileJob job_of(const Command& command, const JobArguments& arguments) {
   job.folder = arguments.out;
   job.num_threads = command.common.threads;
   job.kind = tile_job_from_string(arguments.job);
+  job.patches = arguments.patches;
+  job.truth = arguments.truth;
+  job.surface = arguments.surface.in_force(command.common);
   return job;
 }
 
 void add_job_arguments(App& app, JobArguments& arguments) {
   app.add_option("plan", arguments.plan, "folder that camber tiles plan wrote")->required();
-  app.add_option("--job", arguments.job,
-                 "what is done with the tiles: ground (classes 2 and 1), filter (leaves out points "
-                 "with few others near by), voxels (one point for each cube) or normals (up in z)")
-      ->check(is_member({"ground", "filter", "voxels", "normals"}))
+  app.add_option(
+         "--job", arguments.job,
+         "what is done with the tiles: ground (classes 2 and 1), filter (leaves out points "
+         "with few others near by), voxels (one point for each cube), normals (up in z), "
+         "patches (pieces of planar patches, which join makes one surface of), labels (adds "
+         "each point's patch, after the join of patches) or compare (adds the distance to "
+         "the nearest point of another plan)")
+      ->check(is_member({"ground", "filter", "voxels", "normals", "patches", "labels", "compare"}))
       ->required();
   app.add_option("--out", arguments.out, "folder of the results; default: PLAN/JOB")
       ->output_folder();
@@ -210,10 +223,15 @@ int run_job(const Command& command, const JobArguments& arguments) {
   const std::vector<std::size_t> tiles = tiles_of(plan, arguments);
   load.stop();
   TileJob job = job_of(command, arguments);
-  const bool near = job.kind == TileJob::Kind::kFilter || job.kind == TileJob::Kind::kNormals;
+  const bool compare = job.kind == TileJob::Kind::kCompare;
+  const bool near =
+      compare || job.kind == TileJob::Kind::kFilter || job.kind == TileJob::Kind::kNormals;
   if (near && !(job.radius > 0.0)) {
     throw UsageError(std::string("--job ") + to_string(job.kind) +
                      ": expected --radius beside it: nearest points of any distance have no tile");
+  }
+  if (compare && job.truth.empty()) {
+    throw UsageError("--job compare: expected --truth beside it: the plan of another survey");
   }
   if (job.kind == TileJob::Kind::kVoxels && !(job.voxel > 0.0)) {
     throw UsageError("--job voxels: expected --voxel beside it");
@@ -228,28 +246,35 @@ int run_job(const Command& command, const JobArguments& arguments) {
   if (!arguments.as_json) {
     fmt::print("{}: {} of {} tiles, {} points", job_folder(plan, job).string(), tiles.size(),
                plan.tiles.size(), done.points);
+    const auto count = [&](const std::string& name) {
+      const auto found = done.counts.find(name);
+      return found == done.counts.end() ? std::uint64_t{0} : found->second;
+    };
     for (const auto& [name, words] :
-         {std::pair("ground", "ground"), std::pair("normals", "with a normal")}) {
-      const auto count = done.counts.find(name);
-      if (count != done.counts.end()) fmt::print(", {} of them {}", count->second, words);
+         {std::pair("ground", "ground"), std::pair("normals", "with a normal"),
+          std::pair("on_patches", "on patches")}) {
+      if (done.counts.count(name) > 0) fmt::print(", {} of them {}", count(name), words);
+    }
+    if (done.counts.count("pieces") > 0) {
+      fmt::print(", {} of them on {} pieces of patches", count("on_pieces"), count("pieces"));
+    }
+    if (compare) {
+      fmt::print(", {} of them within {:g} m of the truth", count("compared"), job.radius);
+      for (const double t : job.thresholds) {
+        fmt::print(", {} within {:g}", count(fmt::format("within_{:g}", t)), t);
+      }
     }
     if (done.done_before > 0) fmt::print("; {} tiles were done before", done.done_before);
     fmt::print("\n");
     return 0;
   }
-  json used;
-  add_other_options(command, &used);
-  print({{"version", kVersion},
-         {"seed", command.common.seed},
-         {"options", used},
-         {"out", job_folder(plan, job).string()},
-         {"tiles", tiles.size()},
+  print(command, job_folder(plan, job).string(), timings,
+        {{"tiles", tiles.size()},
          {"done_before", done.done_before},
          {"points", done.points},
          {"counts", done.counts},
          {"points_read", done.points_read},
-         {"points_answered", done.points_answered},
-         {"timings_ms", cloud_timings(timings)}});
+         {"points_answered", done.points_answered}});
   return 0;
 }
 
@@ -263,12 +288,14 @@ void register_run(App& tiles) {
       "  camber tiles run plan --job ground --tile 7\n"
       "  camber tiles run plan --job ground --shard 2/8 --json\n"
       "  camber tiles run plan --job normals --radius 1.5\n"
-      "  camber tiles run plan --job voxels --voxel 0.5");
+      "  camber tiles run plan --job voxels --voxel 0.5\n"
+      "  camber tiles run plan --job patches\n"
+      "  camber tiles run plan --job compare --truth plan_of_2024 --radius 1");
   const auto arguments = std::make_shared<JobArguments>();
   App& app = *command->app;
   add_job_arguments(app, *arguments);
   app.add_option("--radius", arguments->options.radius,
-                 "metres, of filter and normals: what counts as near")
+                 "metres, of filter, normals and compare: what counts as near")
       ->check(positive_number());
   app.add_option("--voxel", arguments->options.voxel, "metres, of voxels: edge of a cube")
       ->check(positive_number());
@@ -277,6 +304,18 @@ void register_run(App& tiles) {
                  "plane, the nearest within the radius (30)")
       ->check(positive_number())
       ->default_varies();
+  app.add_option("--threshold", arguments->surface.options.inlier_threshold,
+                 "metres, of patches: from a plane that make an inlier; 0: from the noise")
+      ->check(non_negative_number())
+      ->capture_default_str();
+  add_segment_arguments(app, arguments->surface);
+  app.add_option("--truth", arguments->truth, "folder of the plan that compare measures against");
+  app.add_option("--thresholds", arguments->options.thresholds,
+                 "metres, of compare: points within each are counted")
+      ->delimiter(',')
+      ->capture_default_str();
+  app.add_option("--patches", arguments->patches,
+                 "folder of the joined patches, of labels; default: PLAN/patches");
   app.add_option("--shard", arguments->shard, "i/n: part i, from 1, of n parts of the tiles")
       ->no_name();
   app.add_option("--tile", arguments->tile, "one tile, by its number in index.json, from 0")
@@ -285,38 +324,74 @@ void register_run(App& tiles) {
   command->run = [command, arguments] { return run_job(*command, *arguments); };
 }
 
+/// The surface of a plan: surface.json and run.json, as `camber patches` writes them.
+int join_surface(const Command& command, const JobArguments& arguments, const TilePlan& plan,
+                 const TileJob& job) {
+  Timings timings;
+  StageTimer compute(timings, "compute");
+  const JoinedSurface joined = join_patches(plan, job);
+  compute.stop();
+  const std::filesystem::path folder = job_folder(plan, job);
+  const RoadSurfaceFit& fit = joined.patches.fit;
+  const LogSink warn = make_warning_sink(command.common);
+  if (warn && fit.status == Status::kWeak) warn(folder.string() + ": " + fit.reason);
+  RunDocument document;
+  document.seed = joined.options.seed;
+  add_other_options(command, &*document.options);
+  document.points_kept = {{"on_pieces", static_cast<long>(joined.on_pieces)}};
+  document.points_dropped = {{"on_no_piece", static_cast<long>(joined.points - joined.on_pieces)}};
+  document.input_hashes = {{(plan.folder / "index.json").string(), plan.hash}};
+  document.timings = timings;
+  write_json(to_json(document), folder / "run.json");
+  const std::size_t patches = fit.surface.patches.size();
+  if (!arguments.as_json) {
+    fmt::print("{}: {} patches of {} pieces in {} squares, {} of {} points\n", folder.string(),
+               patches, joined.patches.pieces, joined.patches.blocks, joined.on_pieces,
+               joined.points);
+    return 0;
+  }
+  print(command, folder.string(), timings,
+        {{"tiles", plan.tiles.size()},
+         {"points", joined.points},
+         {"on_pieces", joined.on_pieces},
+         {"pieces", joined.patches.pieces},
+         {"patches", patches},
+         {"links", fit.surface.links.size()},
+         {"noise", fit.noise}});
+  return 0;
+}
+
 int run_join(const Command& command, const JobArguments& arguments) {
   Timings timings;
   StageTimer compute(timings, "compute");
   const TilePlan plan = read_tile_plan(arguments.plan);
-  const JoinedTiles joined = join_tiles(plan, job_of(command, arguments));
+  const TileJob job = job_of(command, arguments);
+  if (job.kind == TileJob::Kind::kPatches) return join_surface(command, arguments, plan, job);
+  const JoinedTiles joined = join_tiles(plan, job);
   compute.stop();
   if (!arguments.as_json) {
     fmt::print("{}: {} points in {} tiles\n", joined.index.string(), joined.points,
                joined.tiles.size());
     return 0;
   }
-  json used;
-  add_other_options(command, &used);
-  print({{"version", kVersion},
-         {"seed", command.common.seed},
-         {"options", used},
-         {"out", joined.index.string()},
-         {"tiles", joined.tiles.size()},
-         {"points", joined.points},
-         {"counts", joined.counts},
-         {"timings_ms", cloud_timings(timings)}});
+  print(command, joined.index.string(), timings,
+        {{"tiles", joined.tiles.size()}, {"points", joined.points}, {"counts", joined.counts}});
   return 0;
 }
 
 void register_join(App& tiles) {
   Command* command = add_command(
       tiles, "join",
-      "Joins the results of all tiles of a plan: checks that each is there and writes one index.",
-      "  camber tiles join plan --job ground");
+      "Joins the results of all tiles of a plan: checks that each is there and writes one index. "
+      "Of patches: pieces of one plane become one patch, with one consistency graph, as "
+      "surface.json "
+      "and run.json.",
+      "  camber tiles join plan --job ground\n"
+      "  camber tiles join plan --job patches --consistency continuity");
   const auto arguments = std::make_shared<JobArguments>();
   App& app = *command->app;
   add_job_arguments(app, *arguments);
+  add_graph_arguments(app, arguments->surface);
   app.add_flag("--json", arguments->as_json, "one JSON object on stdout");
   command->run = [command, arguments] { return run_join(*command, *arguments); };
 }

@@ -1,10 +1,12 @@
-# A cloud of any size by Snakemake, here or on a cluster: a plan, one job a tile, then one index.
+# A cloud of any size by Snakemake, here or on a cluster: a plan, one job a tile, then one index (of
+# patches: one surface).
 #
 #   snakemake -s samples/cluster/tiles.smk --cores 4 --config list=clouds.txt out=out/plan job=ground
 #
 # clouds.txt has the path of a LAS, LAZ or COPC file a line. Further options of `camber tiles plan`
 # go into plan_options="--tile 500", those of `camber tiles run` into run_options="...". Whatever was
-# interrupted goes on where it was when this is run again.
+# interrupted goes on where it was when this is run again. Once job=patches is joined, job=labels adds
+# the patch of each point to the tiles.
 
 import json
 import os
@@ -17,6 +19,8 @@ JOB = config.get("job", "ground")
 PLAN_OPTIONS = config.get("plan_options", "")
 RUN_OPTIONS = config.get("run_options", "")
 THREADS = int(config.get("threads", 2))
+# What the join writes last.
+JOINED = os.path.join(OUT, JOB, "run.json" if JOB == "patches" else "index.json")
 # Beside the folder: Snakemake removes what a failed job was to make, and a plan goes on with its own.
 MARK = OUT.rstrip("/") + ".planned"
 
@@ -41,7 +45,7 @@ wildcard_constraints:
 
 rule all:
     input:
-        os.path.join(OUT, JOB, "index.json"),
+        JOINED,
 
 
 checkpoint plan:
@@ -76,7 +80,7 @@ rule join:
     input:
         results,
     output:
-        os.path.join(OUT, JOB, "index.json"),
+        JOINED,
     params:
         folder=shlex.quote(OUT),
     shell:

@@ -19,36 +19,18 @@ import pathlib
 import subprocess
 import sys
 import tempfile
-import time
 
 from benchmark_json import ROOT, column, document, write_document
+from measured_program import Failed, measured
 
 INPUTS = pathlib.Path(__file__).resolve().parent / "growth_inputs.py"
 
 
-class Failed(Exception):
-    """A run of the program that did not end with 0."""
-
-
-def measured(words):
-    """(CPU s, wall s, largest resident memory in MB) of one run."""
-    start = time.monotonic()
-    with tempfile.TemporaryFile() as errors:
-        child = subprocess.Popen(list(map(str, words)), stdout=subprocess.DEVNULL, stderr=errors)
-        _, status, usage = os.wait4(child.pid, 0)
-        child.returncode = os.waitstatus_to_exitcode(status)
-        if child.returncode != 0:
-            errors.seek(0)
-            raise Failed(f"{' '.join(map(str, words))}: exit code {child.returncode}: "
-                         f"{errors.read().decode(errors='replace').strip()[-500:]}")
-    return usage.ru_utime + usage.ru_stime, time.monotonic() - start, usage.ru_maxrss / 1024.0
-
-
 def best_of(words, repeats):
     runs = [measured(words)]
-    while len(runs) < repeats and runs[0][1] < 20.0:
+    while len(runs) < repeats and runs[0].wall < 20.0:
         runs.append(measured(words))
-    return (min(r[0] for r in runs), min(r[1] for r in runs), max(r[2] for r in runs))
+    return (min(r.cpu for r in runs), min(r.wall for r in runs), max(r.memory for r in runs))
 
 
 def make(*words):

@@ -2,7 +2,8 @@
 """Time, memory and bytes of camber tiles on made surveys of growing size, and the speed of two
 processes of one thread against one of two.
 
-    bench_tiles.py --largest 1e7 [--density 10] [--tile 1000] [--folder FOLDER] [--json FILE]
+    bench_tiles.py --largest 1e7 [--density 10] [--tile 1000] [--jobs ground]
+                   [--folder FOLDER] [--json FILE]
 
 The inputs are LAZ, made by survey_tiles.py and camber convert. 1e8 points need 12 GB of disk.
 """
@@ -18,33 +19,10 @@ import tempfile
 import time
 
 from benchmark_json import ROOT, column, document, write_document
+from measured_program import Failed, measured
 
 # A program of its own: what a child of this one is charged for starts with this one's memory.
 MAKER = pathlib.Path(__file__).resolve().parent / "survey_tiles.py"
-
-
-class Failed(Exception):
-    """A command that ended with another code than 0."""
-
-
-def measured(words):
-    """CPU s, wall s, peak MB, MB read and written (by system calls), and what it printed."""
-    begin = time.monotonic()
-    with tempfile.TemporaryFile() as out:
-        process = subprocess.Popen([str(w) for w in words], stdout=out)
-        os.waitid(os.P_PID, process.pid, os.WEXITED | os.WNOWAIT)
-        wall = time.monotonic() - begin
-        io = dict(line.split(": ") for line in
-                  pathlib.Path(f"/proc/{process.pid}/io").read_text(encoding="ascii").splitlines())
-        _, status, usage = os.wait4(process.pid, 0)
-        process.returncode = os.waitstatus_to_exitcode(status)
-        out.seek(0)
-        text = out.read().decode()
-    if process.returncode != 0:
-        raise Failed(f"{' '.join(str(w) for w in words)}: exit code {process.returncode}")
-    return {"cpu": usage.ru_utime + usage.ru_stime, "wall": wall,
-            "memory": usage.ru_maxrss / 1024.0, "read": int(io["rchar"]) / 1e6,
-            "written": int(io["wchar"]) / 1e6, "text": text}
 
 
 def folder_mb(folder):
@@ -62,7 +40,7 @@ class Bench:
         out = []
         made = measured([sys.executable, "-B", MAKER, folder, "--points", points, "--density",
                          self.args.density, "--files", files])
-        for line in made["text"].splitlines():
+        for line in made.text.splitlines():
             las = pathlib.Path(line)
             laz = las.with_suffix(".laz")
             measured([self.args.camber, "convert", las, "--out", laz, "--quiet"])
@@ -72,12 +50,12 @@ class Bench:
 
     def step(self, points, name, words):
         found = measured([self.args.camber, "tiles", *words])
-        self.rows.append([f"{points:.0e}", name, found["cpu"], found["wall"],
-                          1e6 * found["wall"] / points, found["memory"], found["read"],
-                          found["written"]])
-        print(f"{points:8.0e} {name:<16} {found['cpu']:8.1f} s CPU {found['wall']:8.1f} s wall "
-              f"{1e6 * found['wall'] / points:7.3f} us/point {found['memory']:7.0f} MB "
-              f"{found['read']:8.0f} MB read {found['written']:8.0f} MB written", flush=True)
+        self.rows.append([f"{points:.0e}", name, found.cpu, found.wall,
+                          1e6 * found.wall / points, found.memory, found.read,
+                          found.written])
+        print(f"{points:8.0e} {name:<16} {found.cpu:8.1f} s CPU {found.wall:8.1f} s wall "
+              f"{1e6 * found.wall / points:7.3f} us/point {found.memory:7.0f} MB "
+              f"{found.read:8.0f} MB read {found.written:8.0f} MB written", flush=True)
         return found
 
     def run(self, points):
@@ -85,15 +63,17 @@ class Bench:
         plan = self.folder / "plan"
         self.step(points, "plan", ["plan", *inputs, "--out", plan, "--tile", self.args.tile,
                                    "--quiet"])
-        done = self.step(points, "run ground", ["run", plan, "--job", "ground", "--json", "--quiet"])
-        counts = json.loads(done["text"])
-        share = counts["points_read"] / counts["points_answered"]
-        self.step(points, "join ground", ["join", plan, "--job", "ground"])
         print(f"{points:8.0e} inputs {sum(f.stat().st_size for f in inputs) / 1e6:.0f} MB, plan "
-              f"{folder_mb(plan / 'tiles'):.0f} MB in {counts['tiles']} tiles, ground "
-              f"{folder_mb(plan / 'ground'):.0f} MB; points read {share:.3f} times those answered",
-              flush=True)
-        if self.args.parallel and counts["tiles"] >= 4:
+              f"{folder_mb(plan / 'tiles'):.0f} MB", flush=True)
+        for job in self.args.jobs:
+            done = self.step(points, f"run {job}",
+                             ["run", plan, "--job", job, "--json", "--quiet"])
+            counts = json.loads(done.text)
+            share = counts["points_read"] / counts["points_answered"]
+            self.step(points, f"join {job}", ["join", plan, "--job", job])
+            print(f"{points:8.0e} {job} {folder_mb(plan / job):.0f} MB of {counts['tiles']} tiles; "
+                  f"points read {share:.3f} times those answered", flush=True)
+        if self.args.parallel and "ground" in self.args.jobs and counts["tiles"] >= 4:
             self.compare_threads(points, plan)
         for file in inputs:
             file.unlink()
@@ -142,6 +122,8 @@ def main():
     parser.add_argument("--largest", type=float, default=1e7, help="points")
     parser.add_argument("--density", type=float, default=10.0, help="points a square metre")
     parser.add_argument("--tile", type=float, default=0.0, help="side of a tile, m")
+    parser.add_argument("--jobs", nargs="+", default=["ground", "patches", "labels"],
+                        choices=["ground", "patches", "labels"])
     parser.add_argument("--parallel", action="store_true", help="also threads against processes")
     parser.add_argument("--folder", type=pathlib.Path, help="for files; default: a temporary one")
     parser.add_argument("--json", type=pathlib.Path)

@@ -104,6 +104,34 @@ TEST_F(Tiles, ShardsInAnyOrderGiveTheSameFiles) {
   EXPECT_EQ(files("plan"), expected);
 }
 
+TEST_F(Tiles, PatchesBecomeOneSurfaceAndLabels) {
+  run(plan_words("plan"));
+  const json ran = run({"tiles", "run", path("plan"), "--job", "patches"});
+  EXPECT_EQ(ran["points"], points_);
+  const json joined = run({"tiles", "join", path("plan"), "--job", "patches"});
+  EXPECT_GT(joined["patches"], 20);
+  EXPECT_EQ(joined["on_pieces"], ran["counts"]["on_pieces"]);
+  const json surface = json::parse(test::files_below(path("plan/patches")).at("surface.json"));
+  EXPECT_EQ(surface["patches"].size(), joined["patches"]);
+  const json labels = run({"tiles", "run", path("plan"), "--job", "labels"});
+  EXPECT_LE(labels["counts"]["on_patches"], joined["on_pieces"]);
+  EXPECT_GT(labels["counts"]["on_patches"], points_ / 2);
+  run({"tiles", "join", path("plan"), "--job", "labels"});
+  // Other shards, in another order, by one thread, and another plan: the same surface.
+  run(plan_words("again"));
+  for (const char* shard : {"3/3", "1/3", "2/3"}) {
+    run({"tiles", "run", path("again"), "--job", "patches", "--shard", shard, "--threads", "1"});
+  }
+  run({"tiles", "join", path("again"), "--job", "patches"});
+  EXPECT_EQ(files("again/patches").at("surface.json"), files("plan/patches").at("surface.json"));
+  EXPECT_EQ(files("again/patches").at("patches.ids"), files("plan/patches").at("patches.ids"));
+  // Before there are patches there are no labels.
+  run(plan_words("bare"));
+  const ProgramResult early = run_camber({"tiles", "run", path("bare"), "--job", "labels"});
+  EXPECT_EQ(early.exit_code, 2);
+  EXPECT_THAT(early.error, HasSubstr("patches.ids"));
+}
+
 TEST_F(Tiles, KilledAndRepeatedGivesEqualFiles) {
   must(plan_words("plan"));
   must({"tiles", "run", path("plan"), "--job", "ground"});

@@ -3,7 +3,9 @@
 #include <ceres/ceres.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
+#include <vector>
 
 #include "camber/core/random.h"
 #include "camber/road/cost_functions/height_continuity.h"
@@ -58,6 +60,63 @@ TEST(ConsistencyGraph, FarPatchesAreNoNeighbours) {
   ConsistencyOptions wide;
   wide.link_distance = 9.0;
   EXPECT_EQ(find_links(surface, wide).size(), 1u);
+}
+
+/// Patches of 4 to 14 m by 8 m, here and there in 120 x 90 m.
+std::vector<PlanePatch> scattered_patches(int count) {
+  const CounterRandom random(21);
+  std::vector<PlanePatch> out;
+  for (int i = 0; i < count; ++i) {
+    const auto at = static_cast<std::uint64_t>(4 * i);
+    const double x = random.uniform(at, 0.0, 120.0), y = random.uniform(at + 1, 0.0, 90.0);
+    out.push_back(test::rectangle(i, x, x + random.uniform(at + 2, 4.0, 14.0), y - 4.0, y + 4.0,
+                                  random.uniform(at + 3, 0.0, 0.1), 0.0, 0.0, {1e-6, 1e-6, 1e-4}));
+  }
+  return out;
+}
+
+TEST(ConsistencyGraph, LinksOfManyPatchesAreThoseOfEachPairAlone) {
+  const std::vector<PlanePatch> patches = scattered_patches(60);
+  std::vector<PatchLink> expected;
+  for (std::size_t i = 0; i < patches.size(); ++i) {
+    for (std::size_t j = i + 1; j < patches.size(); ++j) {
+      const auto pair = find_links(surface_of({patches[i], patches[j]}), {});
+      expected.insert(expected.end(), pair.begin(), pair.end());
+    }
+  }
+  const auto links = find_links(surface_of(patches), {});
+  EXPECT_GT(links.size(), 60u);
+  EXPECT_LT(links.size(), 1000u);
+  ASSERT_EQ(links.size(), expected.size());
+  for (std::size_t k = 0; k < links.size(); ++k) {
+    EXPECT_EQ(links[k].a, expected[k].a);
+    EXPECT_EQ(links[k].b, expected[k].b);
+    EXPECT_EQ(links[k].valid, expected[k].valid);
+    EXPECT_EQ(links[k].distance, expected[k].distance);
+  }
+}
+
+TEST(ConsistencyGraph, PlanesAndCovariancesDoNotHangOnTheOrderOfElimination) {
+  RoadSurface one = surface_of(scattered_patches(60));
+  RoadSurface other = one;
+  std::reverse(other.patches.begin(), other.patches.end());
+  const std::vector<PlanePatch> before = one.patches;
+  for (RoadSurface* surface : {&one, &other}) {
+    surface->links = find_links(*surface, {});
+    EXPECT_TRUE(optimise_surface({}, surface).converged);
+  }
+  std::size_t better = 0;
+  for (std::size_t k = 0; k < one.patches.size(); ++k) {
+    const UncertainPlane &here = one.patches[k].plane,
+                         &there = other.find(one.patches[k].id)->plane;
+    EXPECT_LT((here.plane.normal - there.plane.normal).norm(), 1e-9) << k;
+    // The axes may differ by what neighbours say of the road: heights along the normal do not.
+    EXPECT_NEAR(there.height_variance(here.centroid) / here.height_variance(here.centroid), 1.0,
+                1e-6)
+        << k;
+    better += here.covariance(2, 2) < 0.99 * before[k].plane.covariance(2, 2) ? 1 : 0;
+  }
+  EXPECT_GT(better, 30u);
 }
 
 TEST(ConsistencyGraph, ContinuityClosesASmallStepAndKeepsTheAngle) {

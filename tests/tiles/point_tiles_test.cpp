@@ -8,6 +8,8 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <limits>
+#include <map>
 
 #include "camber/cloud/cloud_io.h"
 #include "camber/cloud/filters.h"
@@ -147,6 +149,61 @@ TEST_F(PointTiles, CubesAreThoseOfTheWhole) {
     }
     EXPECT_EQ(found, whole) << side;
   }
+}
+
+TEST_F(PointTiles, DistancesToAnotherSurveyAreThoseOfTheWhole) {
+  // The other survey: moved, less than half of its points, and nothing in the east.
+  RoadCloud other = test::strip_of(cloud_, 0.0, 70.0);
+  std::vector<int> some;
+  for (std::size_t i = 0; i < other.size(); i += 1 + i % 3) some.push_back(static_cast<int>(i));
+  other = other.select(some);
+  for (Eigen::Vector3f& p : other.points) p += Eigen::Vector3f(0.25f, -0.125f, 0.5f);
+  write_cloud(other, folder_.path() / "other.laz");
+  TilePlanOptions options;
+  options.side = 31.0;
+  const TilePlan truth =
+      plan_tiles({folder_.path() / "other.laz"}, folder_.path() / "truth", options);
+  constexpr double kRadius = 0.8;
+  std::map<int, float> expected;
+  std::size_t near = 0, nowhere = 0;
+  for (std::size_t i = 0; i < cloud_.size(); i += 97) {
+    float least = std::numeric_limits<float>::infinity();
+    for (const Eigen::Vector3f& q : other.points) {
+      least = std::min(least, (cloud_.points[i] - q).squaredNorm());
+    }
+    const bool found = std::sqrt(least) < static_cast<float>(kRadius);
+    (found ? near : nowhere) += 1;
+    expected[cloud_.labels.at("id")[i]] =
+        found ? std::sqrt(least) : std::numeric_limits<float>::quiet_NaN();
+  }
+  EXPECT_GT(near, 100u);
+  EXPECT_GT(nowhere, 50u);
+  const TilePlan tiles = plan(37.0, 11.0);
+  const auto by_id = by_tiles<float>(
+      tiles, [&](std::size_t k) { return tile_distances(tiles, k, truth, kRadius, 0).distances; });
+  EXPECT_EQ(by_id.size(), cloud_.size());
+  for (const auto& [id, distance] : expected) {
+    if (std::isnan(distance)) {
+      EXPECT_TRUE(std::isnan(by_id.at(id))) << id;
+    } else {
+      EXPECT_FLOAT_EQ(by_id.at(id), distance) << id;
+    }
+  }
+  TileJob job;
+  job.kind = TileJob::Kind::kCompare;
+  job.truth = truth.folder;
+  job.radius = kRadius;
+  begin_tile_job(tiles, job);
+  for (std::size_t k = 0; k < tiles.tiles.size(); ++k) run_tile_job(tiles, job, k);
+  const JoinedTiles joined = join_tiles(tiles, job);
+  const auto within = [&](float most) {
+    return static_cast<std::uint64_t>(std::count_if(
+        by_id.begin(), by_id.end(), [&](const auto& entry) { return entry.second <= most; }));
+  };
+  EXPECT_EQ(joined.counts.at("compared"), within(0.8f));
+  EXPECT_EQ(joined.counts.at("within_0.2"), within(0.2f));
+  job.thresholds = {2.0};
+  EXPECT_THROW(job.validate(), std::invalid_argument);
 }
 
 TEST_F(PointTiles, JobsWriteWhatTheyFind) {

@@ -1,9 +1,9 @@
 #include "camber/cloud/morton.h"
 
-#include <algorithm>
-#include <array>
 #include <cstdint>
 #include <limits>
+
+#include "camber/core/radix_sort.h"
 
 namespace camber {
 namespace {
@@ -38,7 +38,7 @@ std::vector<int> morton_order(const std::vector<Eigen::Vector3f>& points) {
     std::uint64_t code;
     int index;
   };
-  std::vector<Item> items(points.size()), sorted(points.size());
+  std::vector<Item> items(points.size());
   for (std::size_t i = 0; i < points.size(); ++i) {
     items[i].index = static_cast<int>(i);
     items[i].code = kLast;
@@ -50,22 +50,7 @@ std::vector<int> morton_order(const std::vector<Eigen::Vector3f>& points) {
     }
     items[i].code = code;
   }
-  // A radix sort keeps the order of equal codes; digits that are the same for all are passed over.
-  constexpr int kBits = 11;
-  constexpr std::size_t kBuckets = std::size_t{1} << kBits;
-  for (int shift = 0; shift < 64; shift += kBits) {
-    std::array<std::size_t, kBuckets> starts{};
-    for (const Item& item : items) ++starts[item.code >> shift & (kBuckets - 1)];
-    if (std::find(starts.begin(), starts.end(), items.size()) != starts.end()) continue;
-    std::size_t sum = 0;
-    for (std::size_t& count : starts) {
-      const std::size_t here = count;
-      count = sum;
-      sum += here;
-    }
-    for (const Item& item : items) sorted[starts[item.code >> shift & (kBuckets - 1)]++] = item;
-    items.swap(sorted);
-  }
+  radix_sort(&items);
   std::vector<int> order;
   order.reserve(items.size());
   for (const Item& item : items) order.push_back(item.index);

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 #include <stdexcept>
+#include <type_traits>
 
 #include "camber/cloud/formats.h"
 #include "camber/cloud/las_names.h"
@@ -178,17 +179,20 @@ class WithoutBadPoints : public Selected {
   bool counted_ = false;
 };
 
+/// With an attribute of int or float.
+template <class Number>
 class Labelled : public Wrapper {
  public:
   Labelled(std::unique_ptr<PointSource> source, const std::string& name,
-           const std::vector<int>& values)
+           const std::vector<Number>& values)
       : Wrapper(std::move(source)), values_(values) {
     for (std::size_t f = 0; f < header_.fields.size(); ++f) {
       if (header_.fields[f].name == name) replaced_ = f;
     }
     PointField field;
     field.name = name;
-    field.type = ScalarType::kInt32;
+    static_assert(sizeof(Number) == 4);
+    field.type = std::is_same_v<Number, float> ? ScalarType::kFloat32 : ScalarType::kInt32;
     field.changed = true;
     if (replaced_ < header_.fields.size()) {
       header_.fields[replaced_] = field;
@@ -208,7 +212,7 @@ class Labelled : public Wrapper {
     if (batch.count > values_.size() - done_) fail(done_ + batch.count);
     FieldView view;
     view.data = reinterpret_cast<const unsigned char*>(values_.data() + done_);
-    view.stride = sizeof(int);
+    view.stride = sizeof(Number);
     if (replaced_ < batch.fields.size()) {
       batch.fields[replaced_] = view;
     } else {
@@ -225,7 +229,7 @@ class Labelled : public Wrapper {
                                 std::to_string(points) + ", one for each point");
   }
 
-  const std::vector<int>& values_;
+  const std::vector<Number>& values_;
   std::size_t replaced_ = std::numeric_limits<std::size_t>::max();
   std::size_t done_ = 0;
 };
@@ -435,7 +439,13 @@ std::unique_ptr<PointSource> drop_bad_points(std::unique_ptr<PointSource> source
 
 std::unique_ptr<PointSource> add_label(std::unique_ptr<PointSource> source, const std::string& name,
                                        const std::vector<int>& values) {
-  return std::make_unique<Labelled>(std::move(source), name, values);
+  return std::make_unique<Labelled<int>>(std::move(source), name, values);
+}
+
+std::unique_ptr<PointSource> add_numbers(std::unique_ptr<PointSource> source,
+                                         const std::string& name,
+                                         const std::vector<float>& values) {
+  return std::make_unique<Labelled<float>>(std::move(source), name, values);
 }
 
 std::unique_ptr<PointSource> add_normals(std::unique_ptr<PointSource> source,

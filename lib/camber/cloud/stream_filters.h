@@ -38,6 +38,10 @@ std::unique_ptr<PointSource> drop_bad_points(std::unique_ptr<PointSource> source
 std::unique_ptr<PointSource> add_label(std::unique_ptr<PointSource> source, const std::string& name,
                                        const std::vector<int>& values);
 
+/// The same of 4-byte floats.
+std::unique_ptr<PointSource> add_numbers(std::unique_ptr<PointSource> source,
+                                         const std::string& name, const std::vector<float>& values);
+
 /// Adds normals nx ny nz, or replaces them. The source must have as many points as there are
 /// normals; `normals` must outlive it.
 std::unique_ptr<PointSource> add_normals(std::unique_ptr<PointSource> source,

@@ -7,7 +7,9 @@
 #include <Eigen/Eigenvalues>
 #include <Eigen/SparseCholesky>
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstdint>
 #include <limits>
 #include <map>
 #include <memory>
@@ -80,6 +82,44 @@ bool crosses_between(const PlanView& view, const PlanePatch& a, const PlanePatch
   return at_a * at_b < 0.0;
 }
 
+/// Pairs of patches whose boxes in plan are no farther apart than that, in order. Boxes stand in
+/// the strips that they cover, in each by their left sides, so that only near ones are compared.
+std::vector<std::pair<std::size_t, std::size_t>> near_pairs(const PlanView& view, double distance) {
+  const std::size_t count = view.polygons.size();
+  std::vector<Eigen::AlignedBox2d> boxes(count);
+  double height = 0.0;
+  for (std::size_t i = 0; i < count; ++i) {
+    for (const Vector2d& corner : view.polygons[i]) boxes[i].extend(corner);
+    if (!boxes[i].isEmpty()) height += boxes[i].sizes().y() / static_cast<double>(count);
+  }
+  const double strip = distance + height;
+  const auto strip_of = [&](double y) { return static_cast<std::int64_t>(std::floor(y / strip)); };
+  std::map<std::int64_t, std::vector<std::size_t>> strips;
+  for (std::size_t i = 0; i < count; ++i) {
+    if (boxes[i].isEmpty()) continue;
+    const std::int64_t last = strip_of(boxes[i].max().y() + distance);
+    for (std::int64_t k = strip_of(boxes[i].min().y()); k <= last; ++k) strips[k].push_back(i);
+  }
+  std::vector<std::pair<std::size_t, std::size_t>> pairs;
+  for (auto& [unused, list] : strips) {
+    std::sort(list.begin(), list.end(), [&](std::size_t l, std::size_t r) {
+      return std::make_pair(boxes[l].min().x(), l) < std::make_pair(boxes[r].min().x(), r);
+    });
+    for (std::size_t a = 0; a < list.size(); ++a) {
+      const Eigen::AlignedBox2d& box = boxes[list[a]];
+      for (std::size_t b = a + 1; b < list.size(); ++b) {
+        const Eigen::AlignedBox2d& other = boxes[list[b]];
+        if (other.min().x() > box.max().x() + distance) break;
+        if (box.exteriorDistance(other) > distance) continue;
+        pairs.emplace_back(std::min(list[a], list[b]), std::max(list[a], list[b]));
+      }
+    }
+  }
+  std::sort(pairs.begin(), pairs.end());
+  pairs.erase(std::unique(pairs.begin(), pairs.end()), pairs.end());
+  return pairs;
+}
+
 /// Sets steps, angles and validity of a link from the planes as they are.
 void judge(const PlanView& view, const RoadSurface& surface, const ConsistencyOptions& options,
            std::size_t ia, std::size_t ib, PatchLink* link) {
@@ -145,6 +185,55 @@ std::vector<Vector2d> border_places(const PlanView& view, const PlanePatch& a, c
           middle + (high - 0.2 * (high - low)) * along};
 }
 
+/// Entries of the inverse of L D L'. What three of its columns have at each other's places hangs on
+/// the places' ways to the root of the elimination tree alone (Davis, Direct Methods for Sparse
+/// Linear Systems, 2006, 3.2): all the rest is passed over, which makes the same numbers.
+class InverseBlock {
+ public:
+  InverseBlock(const Eigen::SparseMatrix<double>& lower, const Eigen::VectorXd& diagonal)
+      : lower_(lower), diagonal_(diagonal) {}
+
+  /// @param values  memory for the work, as many as columns
+  Matrix3d operator()(const std::array<int, 3>& places, std::vector<double>* values) const {
+    std::vector<int> ways;  // ascending: below a place there are its columns' rows
+    for (const int place : places) {
+      for (int i = place; i >= 0; i = parent(i)) ways.push_back(i);
+    }
+    std::sort(ways.begin(), ways.end());
+    ways.erase(std::unique(ways.begin(), ways.end()), ways.end());
+    const auto x = [&](Eigen::Index i) -> double& {
+      return (*values)[static_cast<std::size_t>(i)];
+    };
+    Matrix3d out;
+    for (int column = 0; column < 3; ++column) {
+      for (const int i : ways) x(i) = 0.0;
+      x(places[static_cast<std::size_t>(column)]) = 1.0;
+      for (const int i : ways) {
+        const double value = x(i);
+        if (value == 0.0) continue;
+        for (Entry entry(lower_, i); entry; ++entry) x(entry.row()) -= value * entry.value();
+      }
+      for (const int i : ways) x(i) *= 1.0 / diagonal_[i];
+      for (auto i = ways.rbegin(); i != ways.rend(); ++i) {
+        double sum = x(*i);
+        for (Entry entry(lower_, *i); entry; ++entry) sum -= entry.value() * x(entry.row());
+        x(*i) = sum;
+      }
+      for (int row = 0; row < 3; ++row) out(row, column) = x(places[static_cast<std::size_t>(row)]);
+    }
+    return out;
+  }
+
+ private:
+  using Entry = Eigen::SparseMatrix<double>::InnerIterator;
+  int parent(int column) const {
+    const Entry first(lower_, column);
+    return first ? static_cast<int>(first.row()) : -1;
+  }
+  const Eigen::SparseMatrix<double>& lower_;  // without its diagonal of ones, rows ascending
+  const Eigen::VectorXd& diagonal_;
+};
+
 /// The 3 x 3 blocks on the diagonal of the inverse of J' J.
 std::vector<Matrix3d> inverse_blocks(const ceres::CRSMatrix& jacobian) {
   std::vector<Eigen::Triplet<double>> entries;
@@ -164,12 +253,14 @@ std::vector<Matrix3d> inverse_blocks(const ceres::CRSMatrix& jacobian) {
   std::vector<Matrix3d> blocks(static_cast<std::size_t>(jacobian.num_cols / 3),
                                Matrix3d::Constant(std::numeric_limits<double>::quiet_NaN()));
   if (solver.info() != Eigen::Success) return blocks;
+  const Eigen::SparseMatrix<double>& lower = solver.matrixL().nestedExpression();
+  const Eigen::VectorXd diagonal = solver.vectorD();
+  const InverseBlock inverse(lower, diagonal);
+  std::vector<double> values(static_cast<std::size_t>(lower.cols()), 0.0);
   for (std::size_t k = 0; k < blocks.size(); ++k) {
     const auto at = static_cast<Eigen::Index>(3 * k);
-    Eigen::MatrixXd unit = Eigen::MatrixXd::Zero(jacobian.num_cols, 3);
-    unit.block<3, 3>(at, 0).setIdentity();
-    const Eigen::MatrixXd columns = solver.solve(unit);
-    blocks[k] = columns.block<3, 3>(at, 0);
+    const auto& places = solver.permutationP().indices();
+    blocks[k] = inverse({places[at], places[at + 1], places[at + 2]}, &values);
   }
   return blocks;
 }
@@ -301,25 +392,13 @@ void ConsistencyOptions::validate() const {
 std::vector<PatchLink> find_links(const RoadSurface& surface, const ConsistencyOptions& options) {
   options.validate();
   const PlanView view(surface);
-  const std::size_t count = surface.patches.size();
-  // Boxes in plan first: most pairs are far apart.
-  std::vector<Eigen::AlignedBox2d> boxes(count);
-  for (std::size_t i = 0; i < count; ++i) {
-    for (const Vector2d& corner : view.polygons[i]) boxes[i].extend(corner);
-  }
   std::vector<PatchLink> links;
-  for (std::size_t i = 0; i < count; ++i) {
-    if (boxes[i].isEmpty()) continue;
-    for (std::size_t j = i + 1; j < count; ++j) {
-      if (boxes[j].isEmpty() || boxes[i].exteriorDistance(boxes[j]) > options.link_distance) {
-        continue;
-      }
-      PatchLink link;
-      link.a = surface.patches[i].id;
-      link.b = surface.patches[j].id;
-      judge(view, surface, options, i, j, &link);
-      if (link.distance <= options.link_distance) links.push_back(std::move(link));
-    }
+  for (const auto& [i, j] : near_pairs(view, options.link_distance)) {
+    PatchLink link;
+    link.a = surface.patches[i].id;
+    link.b = surface.patches[j].id;
+    judge(view, surface, options, i, j, &link);
+    if (link.distance <= options.link_distance) links.push_back(std::move(link));
   }
   return links;
 }
@@ -392,7 +471,14 @@ void align_patches_with_road(RoadSurface* surface) {
       ahead = Vector2d::UnitX();
     }
   }
-  for (PlanePatch& patch : surface->patches) {
+  std::vector<std::vector<const PatchLink*>> links(surface->patches.size());
+  for (const PatchLink& link : surface->links) {
+    if (!link.valid) continue;
+    links[index.at(link.a)].push_back(&link);
+    links[index.at(link.b)].push_back(&link);
+  }
+  for (std::size_t i = 0; i < surface->patches.size(); ++i) {
+    PlanePatch& patch = surface->patches[i];
     UncertainPlane& plane = patch.plane;
     const Vector2d here = axes(plane.centroid);
     Vector2d direction = Vector2d::Zero();
@@ -407,9 +493,9 @@ void align_patches_with_road(RoadSurface* surface) {
       }
     }
     if (direction.norm() < 1e-9 && patch.kind != PatchKind::kOther) {
-      for (const PatchLink& link : surface->links) {
-        if (!link.valid || (link.a != patch.id && link.b != patch.id)) continue;
-        const PlanePatch& other = surface->patches[index.at(link.a == patch.id ? link.b : link.a)];
+      for (const PatchLink* link : links[i]) {
+        const PlanePatch& other =
+            surface->patches[index.at(link->a == patch.id ? link->b : link->a)];
         if (other.kind != patch.kind) continue;
         Vector2d way = axes(other.plane.centroid) - here;
         if (way.dot(ahead) < 0.0) way = -way;

@@ -1,19 +1,24 @@
 #include "camber/tiles/point_tile.h"
 
+#include <algorithm>
+#include <cmath>
 #include <limits>
 
 #include "camber/cloud/filters.h"
 #include "camber/cloud/normals.h"
+#include "camber/cloud/point_tree.h"
 #include "camber/cloud/stream_filters.h"
 #include "camber/core/interruption.h"
+#include "camber/core/threads.h"
 #include "camber/tiles/tile_points.h"
 
 namespace camber {
 namespace {
 
+constexpr double kRounding = 0.01;  // m, of coordinates
+
 /// With all that lies within a radius, however it is rounded.
 TilePoints read_with(const TilePlan& plan, std::size_t tile, double radius, int num_threads) {
-  constexpr double kRounding = 0.01;  // m
   TileReading reading;
   reading.halo = radius + kRounding;
   reading.num_threads = num_threads;
@@ -40,7 +45,6 @@ TileInliers tile_radius_inliers(const TilePlan& plan, std::size_t tile, double r
 }
 
 TileVoxels::TileVoxels(const TilePlan& plan, std::size_t tile, double size, int num_threads) {
-  constexpr double kRounding = 0.01;  // m
   TileReading reading;
   reading.halo = size + kRounding;
   reading.num_threads = num_threads;
@@ -86,6 +90,33 @@ TileNormals tile_normals(const TilePlan& plan, std::size_t tile, double radius, 
     out.normals[static_cast<std::size_t>(points.own[i])] = points.cloud.normals[i];
     out.points += points.cloud.normals[i].allFinite() ? 1 : 0;
   }
+  return out;
+}
+
+TileDistances tile_distances(const TilePlan& plan, std::size_t tile, const TilePlan& truth,
+                             double radius, int num_threads) {
+  TileReading reading;
+  reading.num_threads = num_threads;
+  const TilePoints points = read_tile_points(plan, tile, reading);
+  reading.halo = radius + kRounding;
+  const TilePoints other = read_points_around(truth, points, reading);
+  throw_if_interrupted();
+  const PointTree tree(other.cloud.points, num_threads);
+  TileDistances out;
+  out.read_points = points.read_points + other.read_points;
+  out.distances.assign(static_cast<std::size_t>(points.own_points),
+                       std::numeric_limits<float>::quiet_NaN());
+  constexpr std::size_t kBatch = 16384;
+  const std::size_t count = points.cloud.size();
+  parallel_for((count + kBatch - 1) / kBatch, num_threads, [&](std::size_t batch) {
+    const std::size_t end = std::min(count, (batch + 1) * kBatch);
+    for (std::size_t i = batch * kBatch; i < end; ++i) {
+      const PointTree::Neighbor nearest =
+          tree.nearest(points.cloud.points[i], static_cast<float>(radius));
+      if (nearest.index < 0) continue;
+      out.distances[static_cast<std::size_t>(points.own[i])] = std::sqrt(nearest.squared_distance);
+    }
+  });
   return out;
 }
 

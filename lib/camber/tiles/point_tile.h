@@ -54,4 +54,15 @@ struct TileNormals {
 TileNormals tile_normals(const TilePlan& plan, std::size_t tile, double radius, int neighbors,
                          int num_threads);
 
+/// How far a tile's own points lie from those of another survey.
+struct TileDistances {
+  std::vector<float> distances;   ///< m, by their numbers in the file; NaN beyond the radius
+  std::uint64_t read_points = 0;  ///< that were decoded, of all files of both
+};
+
+/// To the nearest point of another plan of tiles, as far as a radius. @param radius  m, > 0
+/// @throws InputError, NoAnswerError
+TileDistances tile_distances(const TilePlan& plan, std::size_t tile, const TilePlan& truth,
+                             double radius, int num_threads);
+
 }  // namespace camber

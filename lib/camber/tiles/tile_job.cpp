@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <memory>
 #include <nlohmann/json.hpp>
@@ -13,6 +14,7 @@
 #include "camber/core/interruption.h"
 #include "camber/core/read_file.h"
 #include "camber/scene/json_reader.h"
+#include "camber/scene/results.h"
 #include "camber/tiles/ground_tile.h"
 #include "camber/tiles/point_tile.h"
 
@@ -22,6 +24,8 @@ namespace camber {
 namespace {
 
 using nlohmann::json;
+
+constexpr const char* kPiecesSuffix = ".patches";
 
 json done_json(const TileDone& done) {
   return {{"name", done.name},     {"file", done.file.generic_string()},
@@ -52,12 +56,55 @@ fs::path done_path(const TilePlan& plan, const TileJob& job, std::size_t tile) {
   return job_folder(plan, job) / (plan.tiles[tile].name + ".json");
 }
 
+/// Of the joined patches.
+fs::path ids_path(const TilePlan& plan, const TileJob& job) {
+  TileJob patches;
+  patches.kind = TileJob::Kind::kPatches;
+  patches.folder = job.kind == TileJob::Kind::kLabels ? job.patches : job.folder;
+  return job_folder(plan, patches) / "patches.ids";
+}
+
+/// What the pieces of a tile hang on.
+json surface_json(const RoadSurfaceOptions& options) {
+  return {{"seed", options.seed},
+          {"max_slope", options.max_slope},
+          {"threshold", options.inlier_threshold},
+          {"min_points", options.min_patch_points},
+          {"tolerance", options.tolerance},
+          {"tolerance_sigmas", options.tolerance_sigmas}};
+}
+
+void read_surface_options(const fs::path& path, RoadSurfaceOptions* options) {
+  const json document = parse_json(read_whole_file(path), path.string());
+  JsonContext context{path.string(), {}};
+  JsonObject job(JsonCursor(document, context), "the options of a job");
+  JsonObject object(job.require("surface", "options of patches"), "options of patches");
+  options->seed =
+      static_cast<std::uint64_t>(object.require("seed", "a number").in_range(0.0, 9e15, "a seed"));
+  options->max_slope = object.require("max_slope", "a number").number();
+  options->inlier_threshold = object.require("threshold", "a number").number();
+  options->min_patch_points = static_cast<int>(
+      object.require("min_points", "a number").in_range(3.0, 2e9, "a number of at least 3"));
+  options->tolerance = object.require("tolerance", "a number").number();
+  options->tolerance_sigmas = object.require("tolerance_sigmas", "a number").number();
+  options->validate();
+}
+
 json options_json(const TilePlan& plan, const TileJob& job) {
   json out = {{"format", "camber-tile-options"},
               {"version", 1},
               {"job", to_string(job.kind)},
               {"plan", plan.hash}};
   if (job.kind == TileJob::Kind::kVoxels) out["voxel"] = job.voxel;
+  if (job.kind == TileJob::Kind::kPatches) out["surface"] = surface_json(job.surface);
+  if (job.kind == TileJob::Kind::kLabels) {
+    out["patches"] = hash_file(ids_path(plan, job));
+  }
+  if (job.kind == TileJob::Kind::kCompare) {
+    out["truth"] = read_tile_plan(job.truth).hash;
+    out["radius"] = job.radius;
+    out["thresholds"] = job.thresholds;
+  }
   if (job.kind == TileJob::Kind::kFilter || job.kind == TileJob::Kind::kNormals) {
     out["radius"] = job.radius;
     out["neighbors"] = job.neighbors;
@@ -112,6 +159,37 @@ class Found {
         counts = {{"normals", normals_.points}};
         source = add_normals(open(), normals_.normals);
         break;
+      case TileJob::Kind::kLabels: {
+        TileJob patches;
+        patches.kind = TileJob::Kind::kPatches;
+        patches.folder = job.patches;
+        labels_ =
+            tile_patch_labels(job_folder(plan, patches) / (plan.tiles[tile].name + kPiecesSuffix),
+                              ids_path(plan, job));
+        counts = {
+            {"on_patches", static_cast<std::uint64_t>(std::count_if(
+                               labels_.begin(), labels_.end(), [](int l) { return l >= 0; }))}};
+        read_points = labels_.size();
+        source = add_label(open(), "patch", labels_);
+        break;
+      }
+      case TileJob::Kind::kCompare: {
+        const TileDistances found =
+            tile_distances(plan, tile, read_tile_plan(job.truth), job.radius, job.num_threads);
+        distances_ = found.distances;
+        read_points = found.read_points;
+        const auto count = [&](double most) {
+          return static_cast<std::uint64_t>(
+              std::count_if(distances_.begin(), distances_.end(),
+                            [&](float d) { return static_cast<double>(d) <= most; }));
+        };
+        counts = {{"compared", count(job.radius)}};
+        for (const double t : job.thresholds) counts[fmt::format("within_{:g}", t)] = count(t);
+        source = add_numbers(open(), "distance", distances_);
+        break;
+      }
+      case TileJob::Kind::kPatches:  // no points: run_tile_job()
+        break;
     }
   }
   Found(const Found&) = delete;
@@ -126,6 +204,8 @@ class Found {
   TileInliers inliers_;
   std::unique_ptr<TileVoxels> voxels_;
   TileNormals normals_;
+  std::vector<int> labels_;
+  std::vector<float> distances_;
   std::size_t place_ = 0;
 };
 
@@ -148,6 +228,12 @@ const char* to_string(TileJob::Kind kind) {
       return "voxels";
     case TileJob::Kind::kNormals:
       return "normals";
+    case TileJob::Kind::kPatches:
+      return "patches";
+    case TileJob::Kind::kCompare:
+      return "compare";
+    case TileJob::Kind::kLabels:
+      return "labels";
     case TileJob::Kind::kGround:
       break;
   }
@@ -155,14 +241,21 @@ const char* to_string(TileJob::Kind kind) {
 }
 
 void TileJob::validate() const {
-  if (kind == Kind::kGround) return;
+  if (kind == Kind::kPatches) surface.validate();
+  if (kind == Kind::kGround || kind == Kind::kPatches || kind == Kind::kLabels) return;
   const bool cubes = kind == Kind::kVoxels;
   const double length = cubes ? voxel : radius;
   if (!(std::isfinite(length) && length > 0.0 && length <= 1e4)) {
     throw std::invalid_argument(fmt::format("{} = {}, expected more than 0 and at most 10000 m",
                                             cubes ? "voxel" : "radius", length));
   }
-  if (cubes) return;
+  for (const double t : thresholds) {
+    if (!(t > 0.0 && t <= radius) && kind == Kind::kCompare) {
+      throw std::invalid_argument(fmt::format(
+          "thresholds: found {}, expected more than 0 and at most the radius, {}", t, radius));
+    }
+  }
+  if (cubes || kind == Kind::kCompare) return;
   const int least = kind == Kind::kFilter ? 1 : 3;
   if (neighbors < least) {
     throw std::invalid_argument(
@@ -177,10 +270,10 @@ fs::path job_folder(const TilePlan& plan, const TileJob& job) {
 void begin_tile_job(const TilePlan& plan, const TileJob& job) {
   job.validate();
   const fs::path folder = job_folder(plan, job), path = folder / "job.json";
+  const json options = options_json(plan, job);
   std::error_code error;
   fs::create_directories(folder, error);
   if (error) throw OutputError(folder.string(), error.message());
-  const json options = options_json(plan, job);
   if (!fs::exists(path, error) && holds_files(folder)) {
     throw OutputError(folder.string(), "the folder is not empty and holds no results of tiles");
   }
@@ -204,9 +297,18 @@ TileDone run_tile_job(const TilePlan& plan, const TileJob& job, std::size_t tile
   const fs::path folder = job_folder(plan, job);
   done = {};
   done.name = plan.tiles[tile].name;
-  done.file = done.name + ".laz";
+  const bool pieces = job.kind == TileJob::Kind::kPatches;
+  done.file = done.name + (pieces ? kPiecesSuffix : ".laz");
   const fs::path out = folder / done.file;
-  {
+  if (pieces) {
+    RoadSurfaceOptions options = job.surface;
+    options.num_threads = job.num_threads;
+    const TilePieces found = find_tile_pieces(plan, tile, options);
+    write_file_atomically(out, found.bytes);
+    done.points = plan.tiles[tile].points;
+    done.read_points = found.read_points;
+    done.counts = {{"pieces", found.pieces}, {"on_pieces", found.on_pieces}};
+  } else {
     const Found found(plan, job, tile);
     done.points = write_points(*found.source, out);
     done.read_points = found.read_points;
@@ -296,9 +398,12 @@ std::vector<JoinedFile> joined_files(const fs::path& folder) {
   return out;
 }
 
-JoinedTiles join_tiles(const TilePlan& plan, const TileJob& job) {
+namespace {
+
+/// All tiles of a job, each as it was left.
+std::vector<TileDone> all_done(const TilePlan& plan, const TileJob& job) {
   const fs::path folder = job_folder(plan, job);
-  JoinedTiles out;
+  std::vector<TileDone> out;
   std::vector<std::string> missing;
   for (std::size_t k = 0; k < plan.tiles.size(); ++k) {
     TileDone done;
@@ -310,15 +415,26 @@ JoinedTiles join_tiles(const TilePlan& plan, const TileJob& job) {
       throw InputError((folder / done.file).string(),
                        "found other content than was written; remove it and repeat tiles run");
     }
-    out.points += done.points;
-    for (const auto& [name, count] : done.counts) out.counts[name] += count;
-    out.tiles.push_back(std::move(done));
+    out.push_back(std::move(done));
   }
   if (!missing.empty()) {
     throw NoAnswerError(
         fmt::format("{}: {} of {} tiles are not done, the first is {}; repeat "
                     "camber tiles run",
                     folder.string(), missing.size(), plan.tiles.size(), missing.front()));
+  }
+  return out;
+}
+
+}  // namespace
+
+JoinedTiles join_tiles(const TilePlan& plan, const TileJob& job) {
+  const fs::path folder = job_folder(plan, job);
+  JoinedTiles out;
+  out.tiles = all_done(plan, job);
+  for (const TileDone& done : out.tiles) {
+    out.points += done.points;
+    for (const auto& [name, count] : done.counts) out.counts[name] += count;
   }
   json tiles = json::array();
   for (std::size_t k = 0; k < out.tiles.size(); ++k) {
@@ -337,6 +453,27 @@ JoinedTiles join_tiles(const TilePlan& plan, const TileJob& job) {
                                                 {"points", out.points},
                                                 {"counts", out.counts},
                                                 {"tiles", tiles}}));
+  return out;
+}
+
+JoinedSurface join_patches(const TilePlan& plan, const TileJob& job) {
+  const fs::path folder = job_folder(plan, job);
+  JoinedSurface out;
+  out.options = job.surface;
+  read_surface_options(folder / "job.json", &out.options);
+  std::vector<fs::path> files;
+  for (const TileDone& done : all_done(plan, job)) {
+    files.push_back(folder / done.file);
+    out.points += done.points;
+    const auto on_pieces = done.counts.find("on_pieces");
+    if (on_pieces != done.counts.end()) out.on_pieces += on_pieces->second;
+  }
+  out.patches = join_tile_patches(files, out.options);
+  if (out.patches.fit.status == Status::kFailed) {
+    throw NoAnswerError(folder.string() + ": " + out.patches.fit.reason);
+  }
+  write_json(to_json(out.patches.fit.surface), folder / "surface.json");
+  write_file_atomically(folder / "patches.ids", out.patches.ids);
   return out;
 }
 

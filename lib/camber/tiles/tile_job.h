@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "camber/core/progress.h"
+#include "camber/tiles/patch_tile.h"
 #include "camber/tiles/tile_plan.h"
 
 namespace camber {
@@ -19,20 +20,30 @@ struct TileJob {
     kFilter,   ///< leaves out points with few others near by, as radius_inliers() does
     kVoxels,   ///< one point for each cube, as VoxelGrid has them
     kNormals,  ///< adds normals, as estimate_normals() has them, up in z
+    kPatches,  ///< pieces of patches, which join_patches() makes a surface of
+    kCompare,  ///< adds `distance`, m, to the nearest point of another plan; NaN beyond the radius
+    kLabels,   ///< adds `patch`, the patch of each point, once patches are joined
   };
   Kind kind = Kind::kGround;
   std::filesystem::path folder;  ///< of the results; empty: PLAN/KIND
-  double radius = 0.0;           ///< m, of kFilter and kNormals
+  double radius = 0.0;           ///< m, of kFilter, kNormals and kCompare
   double voxel = 0.0;            ///< m, of kVoxels: edge of a cube
   /// kFilter: other points within the radius that a point needs, at least 1; kNormals: points of a
   /// plane, the nearest within the radius, at least 3.
   int neighbors = 0;
-  int num_threads = 0;  ///< <= 0: see resolve_num_threads
+  /// kPatches: all but what the consistency graph and the driven line say, which is
+  /// join_patches()'s.
+  RoadSurfaceOptions surface;
+  std::filesystem::path truth;                     ///< kCompare: folder of the other plan
+  std::vector<double> thresholds{0.05, 0.1, 0.2};  ///< m, kCompare: counted are points within them
+  std::filesystem::path patches;  ///< kLabels: folder of the joined patches; empty: PLAN/patches
+  int num_threads = 0;            ///< <= 0: see resolve_num_threads
 
   void validate() const;  ///< throws std::invalid_argument naming field, value and bound
 };
 
-const char* to_string(TileJob::Kind kind);  ///< "ground", "filter", "voxels", "normals"
+/// "ground", "filter", "voxels", "normals", "patches", "compare", "labels"
+const char* to_string(TileJob::Kind kind);
 
 /// What is written of a tile that is done, beside its file.
 struct TileDone {
@@ -52,9 +63,10 @@ std::filesystem::path job_folder(const TilePlan& plan, const TileJob& job);
 ///         empty is in the place
 void begin_tile_job(const TilePlan& plan, const TileJob& job);
 
-/// Works on one tile: writes TILE.laz, the tile's file with what was found, then
-/// TILE.json. A tile that has both is passed over. Tiles can be worked on in any order, by
-/// several processes at once, each any number of times: the files are the same, bit for bit.
+/// Works on one tile: writes TILE.laz, the tile's file with what was found (kPatches:
+/// TILE.patches), then TILE.json. A tile that has both is passed over. Tiles can be worked on in
+/// any order, by several processes at once, each any number of times: the files are the same, bit
+/// for bit.
 /// @throws InputError, NoAnswerError, OutputError
 TileDone run_tile_job(const TilePlan& plan, const TileJob& job, std::size_t tile);
 
@@ -89,9 +101,23 @@ struct JoinedTiles {
   std::vector<TileDone> tiles;
 };
 
-/// Writes index.json over all tiles of a plan, once each is done.
+/// Writes index.json over all tiles of a plan, once each is done; of any job but kPatches.
 /// @throws NoAnswerError where tiles are missing; InputError where files are not as they were left
 JoinedTiles join_tiles(const TilePlan& plan, const TileJob& job);
+
+/// Result of join_patches().
+struct JoinedSurface {
+  JoinedPatches patches;
+  RoadSurfaceOptions options;   ///< as used
+  std::uint64_t points = 0;     ///< of the plan's tiles
+  std::uint64_t on_pieces = 0;  ///< of these, on pieces
+};
+
+/// Joins what kPatches left of all tiles; writes surface.json and patches.ids (for kLabels) into
+/// the job's folder, which then is one of a surface but for run.json.
+/// @param job  its `surface` says what is up to the join; the rest is that of the tiles
+/// @throws NoAnswerError where tiles are missing or no ground was found; InputError as join_tiles()
+JoinedSurface join_patches(const TilePlan& plan, const TileJob& job);
 
 /// One file of joined results.
 struct JoinedFile {

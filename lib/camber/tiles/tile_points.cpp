@@ -15,6 +15,7 @@
 #include "camber/core/errors.h"
 #include "camber/core/hash.h"
 #include "camber/core/interruption.h"
+#include "camber/core/radix_sort.h"
 
 namespace fs = std::filesystem;
 
@@ -48,6 +49,14 @@ struct StepBox {
       high[a] = std::max(high[a], p[a]);
     }
   }
+  /// @param by  m; a box with a place
+  void grow(double by) {
+    const auto steps = static_cast<std::int64_t>(std::ceil(by * kSteps));
+    for (std::size_t a = 0; a < 2; ++a) {
+      low[a] -= steps;
+      high[a] += steps;
+    }
+  }
   bool contains(const Steps& p) const {
     return p[0] >= low[0] && p[0] <= high[0] && p[1] >= low[1] && p[1] <= high[1];
   }
@@ -76,6 +85,12 @@ class Reader {
       return (v >= 0 ? v / multiple : -((-v + multiple - 1) / multiple)) * multiple;
     };
     origin_ = {below(steps(x, 0)), below(steps(y, 1)), std::llround(plan_.height_zero * kSteps)};
+  }
+
+  void set_origin(const Eigen::Vector3d& origin) {
+    for (std::size_t a = 0; a < 3; ++a) {
+      origin_[a] = std::llround(origin[static_cast<Eigen::Index>(a)] * kSteps);
+    }
   }
 
   void read_own(const fs::path& path) {
@@ -116,11 +131,7 @@ class Reader {
     for (const GridPoint& p : items_) {
       box.extend({origin_[0] + p.x, origin_[1] + p.y, 0});
     }
-    const auto halo = static_cast<std::int64_t>(std::ceil(reading_.halo * kSteps));
-    for (std::size_t a = 0; a < 2; ++a) {
-      box.low[a] -= halo;
-      box.high[a] += halo;
-    }
+    box.grow(reading_.halo);
     return box;
   }
 
@@ -237,24 +248,11 @@ std::vector<std::uint32_t> Reader::order() const {
   for (std::size_t a = 0; a < 3 && !items_.empty(); ++a) {
     while (((std::int64_t{high[a]} - low[a]) >> bits[a]) != 0) ++bits[a];
   }
-  std::vector<Item> items(items_.size()), sorted(items_.size());
+  std::vector<Item> items(items_.size());
   for (std::size_t i = 0; i < items.size(); ++i) items[i].index = static_cast<std::uint32_t>(i);
-  constexpr int kBits = 11;
-  constexpr std::size_t kBuckets = std::size_t{1} << kBits;
   const auto sort_by = [&](int all, const auto& code_of) {
     for (Item& item : items) item.code = code_of(items_[item.index]);
-    for (int shift = 0; shift < all; shift += kBits) {
-      std::array<std::size_t, kBuckets> starts{};
-      for (const Item& item : items) ++starts[item.code >> shift & (kBuckets - 1)];
-      std::size_t sum = 0;
-      for (std::size_t& count : starts) {
-        const std::size_t here = count;
-        count = sum;
-        sum += here;
-      }
-      for (const Item& item : items) sorted[starts[item.code >> shift & (kBuckets - 1)]++] = item;
-      items.swap(sorted);
-    }
+    radix_sort(&items, all);
   };
   const auto above = [](std::int32_t v, std::int32_t least) {
     return static_cast<std::uint64_t>(std::int64_t{v} - least);
@@ -339,20 +337,24 @@ void check_file(const TilePlan& plan, std::size_t tile, bool content) {
 
 namespace {
 
+/// Of all tiles but one what lies within a box.
+void read_within(const TilePlan& plan, std::size_t but, const StepBox& box, Reader& reader) {
+  for (std::size_t k = 0; k < plan.tiles.size(); ++k) {
+    const Eigen::AlignedBox3d& b = plan.tiles[k].bounds;
+    const Eigen::AlignedBox2d plan_box(b.min().head<2>(), b.max().head<2>());
+    if (k == but || !reader.meets(plan_box, box)) continue;
+    check_file(plan, k, false);
+    reader.read_around(k, box);
+  }
+}
+
 void read_with_halo(const TilePlan& plan, std::size_t tile, const TileReading& reading,
                     Reader& reader) {
   const Tile& own = plan.tiles.at(tile);
   check_file(plan, tile, true);
   reader.set_origin(own.bounds.min().x(), own.bounds.min().y());
   reader.read_own(plan.path_of(tile));
-  const StepBox box = reader.with_halo();
-  for (std::size_t k = 0; reading.halo > 0.0 && k < plan.tiles.size(); ++k) {
-    const Eigen::AlignedBox3d& b = plan.tiles[k].bounds;
-    const Eigen::AlignedBox2d plan_box(b.min().head<2>(), b.max().head<2>());
-    if (k == tile || !reader.meets(plan_box, box)) continue;
-    check_file(plan, k, false);
-    reader.read_around(k, box);
-  }
+  if (reading.halo > 0.0) read_within(plan, tile, reader.with_halo(), reader);
 }
 
 }  // namespace
@@ -360,6 +362,22 @@ void read_with_halo(const TilePlan& plan, std::size_t tile, const TileReading& r
 TilePoints read_tile_points(const TilePlan& plan, std::size_t tile, const TileReading& reading) {
   Reader reader(plan, reading);
   read_with_halo(plan, tile, reading, reader);
+  return reader.finish();
+}
+
+TilePoints read_points_around(const TilePlan& plan, const TilePoints& around,
+                              const TileReading& reading) {
+  Reader reader(plan, reading);
+  reader.set_origin(around.cloud.origin);
+  StepBox box;
+  for (std::size_t i = 0; i < around.own.size(); ++i) {
+    if (around.own[i] < 0) continue;
+    const Eigen::Vector3d p =
+        (around.cloud.origin + around.cloud.points[i].cast<double>()) * kSteps;
+    box.extend({std::llround(p.x()), std::llround(p.y()), 0});
+  }
+  box.grow(reading.halo);
+  read_within(plan, plan.tiles.size(), box, reader);
   return reader.finish();
 }
 

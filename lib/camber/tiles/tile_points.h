@@ -36,6 +36,14 @@ struct TileReading {
 ///         where the points lie too far apart for floats.
 TilePoints read_tile_points(const TilePlan& plan, std::size_t tile, const TileReading& reading);
 
+/// Of another plan all points that lie no farther than the halo beside those of a tile's, relative
+/// to the same origin; `own` is -1. @param around  as read_tile_points() gives them
+/// @throws as read_tile_points(); NoAnswerError where the plans' heights count from elsewhere by
+/// more
+///         than 16 km
+TilePoints read_points_around(const TilePlan& plan, const TilePoints& around,
+                              const TileReading& reading);
+
 /// The same of a whole file, as if the plan had one tile.
 TilePoints read_whole_points(const TilePlan& plan, const std::filesystem::path& file,
                              const TileReading& reading);

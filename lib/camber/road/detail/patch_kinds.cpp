@@ -2,9 +2,15 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
+#include <map>
 #include <numeric>
+#include <set>
+#include <utility>
+#include <vector>
 
 #include "camber/road/plan_polygon.h"
+#include "camber/road/surface_lookup.h"
 
 namespace camber::detail {
 
@@ -41,12 +47,75 @@ std::vector<double> plan_areas(const RoadSurface& surface) {
   return areas;
 }
 
+/// Components of patches, and the links between each two of them.
+class Components {
+ public:
+  explicit Components(const RoadSurface& surface) : links_(surface.links) {
+    const std::size_t count = surface.patches.size();
+    set_of_.resize(count);
+    std::iota(set_of_.begin(), set_of_.end(), std::size_t{0});
+    label_.resize(count);
+    std::iota(label_.begin(), label_.end(), 0);
+    members_.resize(count);
+    between_.resize(count);
+    for (std::size_t i = 0; i < count; ++i) members_[i].push_back(i);
+    for (std::size_t k = 0; k < links_.size(); ++k) {
+      const auto a = static_cast<std::size_t>(links_[k].a),
+                 b = static_cast<std::size_t>(links_[k].b);
+      between_[a][b].push_back(k);
+      if (a != b) between_[b][a].push_back(k);
+    }
+  }
+
+  std::size_t set_of(int patch) const { return set_of_[static_cast<std::size_t>(patch)]; }
+  /// Numbers of the links between two sets, ascending.
+  const std::vector<std::size_t>& between(std::size_t a, std::size_t b) const {
+    return between_[a].at(b);
+  }
+
+  /// Joins b to a, whose label stays; the smaller one moves.
+  void join(std::size_t a, std::size_t b) {
+    const int label = label_[a];
+    if (between_[a].size() + members_[a].size() < between_[b].size() + members_[b].size()) {
+      std::swap(a, b);
+    }
+    label_[a] = label;
+    for (const std::size_t patch : members_[b]) set_of_[patch] = a;
+    members_[a].insert(members_[a].end(), members_[b].begin(), members_[b].end());
+    members_[b].clear();
+    between_[a].erase(b);
+    between_[b].erase(a);
+    for (auto& [other, list] : between_[b]) {
+      between_[other].erase(b);
+      std::vector<std::size_t>& here = between_[a][other];
+      const auto middle = static_cast<std::ptrdiff_t>(here.size());
+      here.insert(here.end(), list.begin(), list.end());
+      std::inplace_merge(here.begin(), here.begin() + middle, here.end());
+      between_[other][a] = here;
+    }
+    between_[b].clear();
+  }
+
+  /// For each patch the number of one that stands for all.
+  std::vector<int> labels() const {
+    std::vector<int> out;
+    for (const std::size_t set : set_of_) out.push_back(label_[set]);
+    return out;
+  }
+
+ private:
+  const std::vector<PatchLink>& links_;
+  std::vector<std::size_t> set_of_;
+  std::vector<int> label_;  // of a set
+  std::vector<std::vector<std::size_t>> members_;
+  std::vector<std::map<std::size_t, std::vector<std::size_t>>> between_;
+};
+
 /// Patches that hang together smoothly: for each patch the number of one that stands for all.
 std::vector<int> smooth_components(const RoadSurface& surface, const BorderStrength& strength) {
   // Components: the strongest links join first, unless more of the border between the two sides is
   // a step than is smooth. So a pavement does not join the road where its kerb ends at a crease.
-  std::vector<int> component(surface.patches.size());
-  std::iota(component.begin(), component.end(), 0);
+  Components components(surface);
   std::vector<std::pair<double, const PatchLink*>> order;
   for (const PatchLink& link : surface.links) {
     if (link.valid) order.emplace_back(strength(link), &link);
@@ -54,23 +123,16 @@ std::vector<int> smooth_components(const RoadSurface& surface, const BorderStren
   std::stable_sort(order.begin(), order.end(),
                    [](const auto& l, const auto& r) { return l.first > r.first; });
   for (const auto& [unused, joining] : order) {
-    const int a = component[static_cast<std::size_t>(joining->a)],
-              b = component[static_cast<std::size_t>(joining->b)];
+    const std::size_t a = components.set_of(joining->a), b = components.set_of(joining->b);
     if (a == b) continue;
     double balance = 0.0;
-    for (const PatchLink& link : surface.links) {
-      const int ca = component[static_cast<std::size_t>(link.a)],
-                cb = component[static_cast<std::size_t>(link.b)];
-      if ((ca == a && cb == b) || (ca == b && cb == a)) {
-        balance += link.valid ? strength(link) : -strength(link);
-      }
+    for (const std::size_t k : components.between(a, b)) {
+      const PatchLink& link = surface.links[k];
+      balance += link.valid ? strength(link) : -strength(link);
     }
-    if (!(balance > 0.0)) continue;
-    for (int& id : component) {
-      if (id == b) id = a;
-    }
+    if (balance > 0.0) components.join(a, b);
   }
-  return component;
+  return components.labels();
 }
 
 /// The component that is driven on, or lies ahead of a camera, or is the largest; and the patches
@@ -89,8 +151,9 @@ RoadSeed find_road(const RoadSurface& surface, const std::vector<int>& component
   // The driven line decides, else the area; what is driven on is road in any case.
   std::vector<double> votes(weight.size(), 0.0);
   std::vector<char> driven_on(count, 0);
+  const SurfaceLookup lookup(surface);
   for (const Vector3d& place : surface.driven_line) {
-    const SurfaceQuery answer = surface.query(place, 1.0);
+    const SurfaceQuery answer = lookup.query(place, 1.0);
     if (answer.patch < 0) continue;
     votes[static_cast<std::size_t>(component[static_cast<std::size_t>(answer.patch)])] += 1.0;
     const PlanePatch& patch = surface.patches[static_cast<std::size_t>(answer.patch)];
@@ -101,7 +164,7 @@ RoadSeed find_road(const RoadSurface& surface, const std::vector<int>& component
   if (surface.driven_line.empty() && surface.frame == "camera" && surface.metric) {
     // A camera that drives looks along the road: what lies ahead of it, in the middle and near.
     for (double ahead = 3.0; ahead <= 12.0; ahead += 0.5) {
-      const SurfaceQuery answer = surface.query({0.0, 1.5, ahead}, 0.5);
+      const SurfaceQuery answer = lookup.query({0.0, 1.5, ahead}, 0.5);
       if (answer.patch < 0) continue;
       votes[static_cast<std::size_t>(component[static_cast<std::size_t>(answer.patch)])] += 1.0;
     }
@@ -119,33 +182,33 @@ std::vector<char> join_smooth(const RoadSurface& surface, const BorderStrength& 
   std::vector<char> is_road(count, 0);
   // How much of a patch's border with the road is smooth, less what is a step.
   std::vector<double> smooth(count, 0.0), shared(count, 0.0), border(count, 0.0);
+  std::vector<std::vector<const PatchLink*>> links(count);
   for (const PatchLink& link : surface.links) {
-    border[static_cast<std::size_t>(link.a)] += strength(link);
-    border[static_cast<std::size_t>(link.b)] += strength(link);
+    for (const int end : {link.a, link.b}) {
+      border[static_cast<std::size_t>(end)] += strength(link);
+      links[static_cast<std::size_t>(end)].push_back(&link);
+    }
   }
+  // Others that may join, the smoothest first, of equal ones the first.
+  std::set<std::pair<double, std::size_t>> waiting;
   const auto join = [&](std::size_t patch) {
+    waiting.erase({-smooth[patch], patch});
     is_road[patch] = 1;
-    for (const PatchLink& link : surface.links) {
-      const auto ia = static_cast<std::size_t>(link.a), ib = static_cast<std::size_t>(link.b);
-      if (ia != patch && ib != patch) continue;
+    for (const PatchLink* link : links[patch]) {
+      const auto ia = static_cast<std::size_t>(link->a), ib = static_cast<std::size_t>(link->b);
       const std::size_t other = ia == patch ? ib : ia;
-      smooth[other] += link.valid ? strength(link) : -strength(link);
-      if (link.valid) shared[other] += strength(link);
+      waiting.erase({-smooth[other], other});
+      smooth[other] += link->valid ? strength(*link) : -strength(*link);
+      if (link->valid) shared[other] += strength(*link);
+      if (is_road[other] || !(smooth[other] > 0.0)) continue;
+      if (shared[other] >= kSharedBorder * border[other]) waiting.insert({-smooth[other], other});
     }
   };
   for (std::size_t i = 0; i < count; ++i) {
     if (component[i] == seed.component || seed.driven_on[i]) join(i);
   }
-  // Others one by one, the smoothest first: a component as a whole may have more steps than that.
-  for (;;) {
-    std::size_t next = count;
-    for (std::size_t i = 0; i < count; ++i) {
-      if (is_road[i] || !(smooth[i] > 0.0) || shared[i] < kSharedBorder * border[i]) continue;
-      if (next == count || smooth[i] > smooth[next]) next = i;
-    }
-    if (next == count) break;
-    join(next);
-  }
+  // One by one: a component as a whole may have more steps than that.
+  while (!waiting.empty()) join(waiting.begin()->second);
   return is_road;
 }
 

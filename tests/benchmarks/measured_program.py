@@ -1,0 +1,42 @@
+"""Runs of a program with what they take of the machine."""
+
+import os
+import pathlib
+import subprocess
+import tempfile
+import time
+from typing import Any, Iterable, NamedTuple
+
+
+class Failed(Exception):
+    """A run of a program that did not end with 0."""
+
+
+class Run(NamedTuple):
+    cpu: float  # s, of all threads
+    wall: float  # s
+    memory: float  # MB, the largest that was resident
+    read: float  # MB, by system calls
+    written: float  # the same
+    text: str  # what it printed
+
+
+def measured(words: Iterable[Any]) -> Run:
+    """What a child is charged for starts with this process's memory: keep that small."""
+    words = [str(word) for word in words]
+    begin = time.monotonic()
+    with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as errors:
+        process = subprocess.Popen(words, stdout=out, stderr=errors)
+        os.waitid(os.P_PID, process.pid, os.WEXITED | os.WNOWAIT)
+        wall = time.monotonic() - begin
+        io = dict(line.split(": ") for line in
+                  pathlib.Path(f"/proc/{process.pid}/io").read_text(encoding="ascii").splitlines())
+        _, status, usage = os.wait4(process.pid, 0)
+        process.returncode = os.waitstatus_to_exitcode(status)
+        for file in (out, errors):
+            file.seek(0)
+        if process.returncode != 0:
+            raise Failed(f"{' '.join(words)}: exit code {process.returncode}: "
+                         f"{errors.read().decode(errors='replace').strip()[-500:]}")
+        return Run(usage.ru_utime + usage.ru_stime, wall, usage.ru_maxrss / 1024.0,
+                   int(io["rchar"]) / 1e6, int(io["wchar"]) / 1e6, out.read().decode())
