@@ -348,12 +348,15 @@ TilesRun run_tile_job(const TilePlan& plan, const TileJob& job,
 }
 
 TileJob::Kind tile_job_from_string(const std::string& name) {
-  for (const TileJob::Kind kind : {TileJob::Kind::kGround, TileJob::Kind::kFilter,
-                                   TileJob::Kind::kVoxels, TileJob::Kind::kNormals}) {
+  std::string names;
+  for (const TileJob::Kind kind :
+       {TileJob::Kind::kGround, TileJob::Kind::kFilter, TileJob::Kind::kVoxels,
+        TileJob::Kind::kNormals, TileJob::Kind::kPatches, TileJob::Kind::kCompare,
+        TileJob::Kind::kLabels}) {
     if (name == to_string(kind)) return kind;
+    names += (names.empty() ? "" : ", ") + std::string(to_string(kind));
   }
-  throw std::invalid_argument("job: found '" + name +
-                              "', expected 'ground', 'filter', 'voxels' or 'normals'");
+  throw std::invalid_argument("job: found '" + name + "', expected one of " + names);
 }
 
 int default_neighbors(TileJob::Kind kind) { return kind == TileJob::Kind::kFilter ? 1 : 30; }
