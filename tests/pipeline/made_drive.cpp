@@ -129,7 +129,7 @@ MadeDrive make_drive(const MadeDriveOptions& options) {
   std::vector<SE3> frame_from_reference;
   out.metres_per_baseline = 0.0;
   for (const double station : options.stations) {
-    const SE3 world_from_camera(looking(options.turn * station), Eigen::Vector3d(0.0, 0.0, station));
+    const SE3 world_from_camera(looking(0.01 * station), Eigen::Vector3d(0.0, 0.0, station));
     frame_from_reference.push_back(world_from_camera.inverse() * world_from_reference);
     out.metres_per_baseline = std::max(out.metres_per_baseline, std::abs(station));
   }

@@ -18,7 +18,6 @@ struct MadeDriveOptions {
   double height = 1.65;                                 ///< m, of the camera above the road
   std::vector<double> stations = {-1.2, 0.0, 1.0};      ///< m along the road, one a frame
   std::size_t reference = 1;                            ///< index of the frame at station 0
-  double turn = 0.01;                                   ///< rad a metre, about its own axis
   bool masks = true;                                    ///< of road and pavement
   std::vector<std::vector<VehicleDetection>> vehicles;  ///< one list a frame, or none at all
 };

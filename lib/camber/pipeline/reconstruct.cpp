@@ -75,7 +75,7 @@ Reconstruction reconstruct(const Scene& scene, const std::vector<int>& frame_ids
 
   LoadedFrames& frames = window.road.frames;
   Reconstruction out = handed_out(frame_ids, o, frames, std::move(road));
-  if (frames.poses_of_other_moments || frames.pose_moments_unknown) {
+  if (frames.poses_of_other_moments) {
     name_pose_offset(scene, out.reference_frame, o.load.pixels, &out.run);
   }
   out.ground = std::move(window.vehicles.ground.under_detections);

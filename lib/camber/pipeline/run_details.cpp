@@ -137,12 +137,6 @@ Reconstruction handed_out(const std::vector<int>& frame_ids, const ReconstructOp
                            "turn by other angles than the images, as poses of other moments do "
                            "(is their clock the images'?): {}",
                            frames.contradicted_poses)
-         : frames.pose_moments_unknown
-             ? fmt::format(
-                   "the given poses are not used, nor are the lengths between them: the images "
-                   "turn too little to show that they are of the same moments (is their "
-                   "clock the images'?): {}",
-                   frames.contradicted_poses)
              : fmt::format("of the given poses only the lengths between the positions are used: {}",
                            frames.contradicted_poses)});
   }

@@ -144,26 +144,6 @@ TEST(MotionStage, PosesOfOtherMomentsAreKnownByTheirTurns) {
   EXPECT_FALSE(drive.frames.poses_of_other_moments);
 }
 
-TEST(MotionStage, PosesThatAreContradictedStraightOnAreOfNoKnownMoment) {
-  // The images of a drive that turns, or hardly does, and poses in a body's axes.
-  const auto check = [](double turn) {
-    MadeDriveOptions options;
-    options.turn = turn;
-    MadeDrive drive = make_drive(options);
-    for (std::size_t k = 0; k < drive.frames.size(); ++k) {
-      drive.frames.frames[k].world_from_camera =
-          metric_pose(drive.motion, k, drive.metres_per_baseline).inverse() *
-          SE3(rotation_from_vector({1.2, -1.2, 1.2}), Eigen::Vector3d::Zero());
-    }
-    stages::check_poses(drive.matches, {}, &drive.frames);
-    EXPECT_FALSE(drive.frames.has_poses());
-    EXPECT_FALSE(drive.frames.poses_of_other_moments);
-    return drive.frames.pose_moments_unknown;
-  };
-  EXPECT_TRUE(check(0.001));
-  EXPECT_FALSE(check(0.03));
-}
-
 TEST(MotionStage, AStationaryCameraHasNoAnswer) {
   MadeDriveOptions options;
   options.stations = {-1e-4, 0.0, 1e-4};

@@ -45,9 +45,6 @@ struct LoadedFrames {
   /// The contradicted poses (below) turn by other angles than the images, which hang on no choice
   /// of axes: they are of other moments, and so are the lengths between them.
   bool poses_of_other_moments = false;
-  /// Most poses are contradicted, and the images turn too little to tell whether those of other
-  /// moments would be any different.
-  bool pose_moments_unknown = false;
   KnownMetres known;
   std::string detections_source;       ///< as the scene declares it
   std::optional<double> box_sigma_px;  ///< of the detections, as the scene states it

@@ -93,8 +93,6 @@ void check_poses(const Correspondences& matches, const MotionOptions& options,
   // Of a turn by the matches and by a pose of the same moment: some 0.05 degrees each, and the
   // focal length's error in it.
   constexpr double kSameTurn = 0.0025, kSameTurnShare = 0.05;  // rad; relative
-  // A turn by so many times that, met by the pose, is of the same moment: straight on, all are.
-  constexpr double kTelling = 3.0;
   constexpr std::size_t kNamed = 3;
   if (!frames->has_poses()) return;
   const MotionEstimate given = motion_from_poses(*frames);
@@ -103,7 +101,7 @@ void check_poses(const Correspondences& matches, const MotionOptions& options,
   std::size_t most = 0;
   for (const MatchedImage& match : matches.matches) most = std::max(most, match.count());
   std::vector<std::string> contradicted;
-  int judged = 0, turned = 0, met = 0;
+  int judged = 0, turned = 0;
   for (std::size_t m = 0; m < matches.matches.size(); ++m) {
     // What a far image shares may be another layer.
     const auto shared = static_cast<double>(matches.matches[m].count());
@@ -119,27 +117,22 @@ void check_poses(const Correspondences& matches, const MotionOptions& options,
     if (by_given > by_own - kFewer) continue;
     const auto frame = static_cast<std::size_t>(matches.matches[m].frame);
     const double turn = turn_of(own.frame_from_reference[1]);
-    const double tolerance = kSameTurn + kSameTurnShare * turn;
-    if (std::abs(turn - turn_of(given.frame_from_reference[frame])) > tolerance) {
+    if (std::abs(turn - turn_of(given.frame_from_reference[frame])) >
+        kSameTurn + kSameTurnShare * turn) {
       ++turned;
-    } else if (turn > kTelling * tolerance) {
-      ++met;
     }
     contradicted.push_back(fmt::format(
         "frame {}: {:.0f} % of its matches agree with the given poses, {:.0f} % with another "
         "motion",
         frames->frames[frame].id, 100.0 * by_given, 100.0 * by_own));
   }
-  const int wrong = static_cast<int>(contradicted.size());
   if (contradicted.size() > kNamed) {
     const std::size_t more = contradicted.size() - kNamed;
     contradicted.resize(kNamed);
     contradicted.push_back(fmt::format("and {} more", more));
   }
   frames->contradicted_poses = fmt::format("{}", fmt::join(contradicted, "; "));
-  // One wrong pose leaves the others.
-  frames->poses_of_other_moments = 2 * turned > judged;
-  frames->pose_moments_unknown = !frames->poses_of_other_moments && 2 * wrong > judged && met == 0;
+  frames->poses_of_other_moments = 2 * turned > judged;  // one wrong pose leaves the others
 }
 
 MotionEstimate motion(const LoadedFrames& frames, const Correspondences& matches,
