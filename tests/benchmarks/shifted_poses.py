@@ -54,8 +54,7 @@ class Drive:
 def drives_of(data):
     found = []
     for name, parts in (("kitti-odometry-03", ("image_0", "poses.txt", "calib.txt", "P0")),
-                        ("kitti-raw-0095", ("image_02", "poses.txt", "calib.txt", "P2")),
-                        ("kitti-odometry-06", ("image_0", "poses.txt", "calib.txt", "P0"))):
+                        ("kitti-raw-0095", ("image_02", "poses.txt", "calib.txt", "P2"))):
         for folder in (data / name, data / "drives" / name):
             if folder.is_dir():
                 found.append(Drive(folder, *parts))
