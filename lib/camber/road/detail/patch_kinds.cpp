@@ -149,7 +149,7 @@ RoadSeed find_road(const RoadSurface& surface, const std::vector<int>& component
   for (std::size_t i = 0; i < count; ++i)
     weight[static_cast<std::size_t>(component[i])] += areas[i];
   // The driven line decides, else the area; what is driven on is road in any case.
-  std::vector<double> votes(weight.size(), 0.0);
+  std::vector<double> votes(count, 0.0);
   std::vector<char> driven_on(count, 0);
   const SurfaceLookup lookup(surface);
   for (const Vector3d& place : surface.driven_line) {
