@@ -2,6 +2,7 @@
 
 #include <map>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "camber/cloud/coordinate_system.h"
@@ -61,6 +62,11 @@ std::vector<std::size_t> chosen(const TilePlan& plan, const std::optional<std::s
 TileJob job_of(const std::string& name, const fs::path& out) {
   TileJob job;
   job.kind = tile_job_from_string(name);
+  if (job.kind == TileJob::Kind::kPatches || job.kind == TileJob::Kind::kCompare) {
+    throw std::invalid_argument("job: found '" + name +
+                                "', expected 'ground', 'filter', 'voxels' or 'normals'; camber "
+                                "tiles has the others");
+  }
   job.folder = out;
   return job;
 }
@@ -72,13 +78,13 @@ void bind_tiles(py::module_& module) {
   module.def(
       "plan_tiles",
       [](const std::vector<fs::path>& clouds, const fs::path& out, double side,
-         const std::array<double, 2>& origin, bool in_place, const std::string& crs, double cell,
-         double largest_object, double slope, double tolerance,
+         const std::pair<double, double>& origin, bool in_place, const std::string& crs,
+         double cell, double largest_object, double slope, double tolerance,
          const std::vector<int>& keep_classes, bool overwrite, int threads,
          const py::object& progress) {
         TilePlanOptions options;
         options.side = side;
-        options.origin = origin;
+        options.origin = {origin.first, origin.second};
         options.in_place = in_place;
         options.ground.cell = cell;
         options.ground.largest_object = largest_object;
@@ -90,11 +96,11 @@ void bind_tiles(py::module_& module) {
         return planned(clouds, out, options, crs, progress);
       },
       py::arg("clouds"), py::arg("out"), py::kw_only(), py::arg("side") = plan.side,
-      py::arg("origin") = plan.origin, py::arg("in_place") = false, py::arg("crs") = "",
-      py::arg("cell") = plan.ground.cell, py::arg("largest_object") = plan.ground.largest_object,
-      py::arg("slope") = plan.ground.slope, py::arg("tolerance") = plan.ground.tolerance,
-      py::arg("keep_classes") = plan.keep_classes, py::arg("overwrite") = false,
-      py::arg("threads") = 0, py::arg("progress") = py::none(),
+      py::arg("origin") = std::pair(plan.origin[0], plan.origin[1]), py::arg("in_place") = false,
+      py::arg("crs") = "", py::arg("cell") = plan.ground.cell,
+      py::arg("largest_object") = plan.ground.largest_object, py::arg("slope") = plan.ground.slope,
+      py::arg("tolerance") = plan.ground.tolerance, py::arg("keep_classes") = plan.keep_classes,
+      py::arg("overwrite") = false, py::arg("threads") = 0, py::arg("progress") = py::none(),
       with_keywords("Sorts LAS, LAZ and COPC files of any size into tiles, as camber tiles plan.",
                     {{"clouds", "files"},
                      {"out", "folder of the plan and its tiles"},
