@@ -91,7 +91,7 @@ std::vector<BlockPoint> gather(const RoadCloud& cloud, const PointLists& lists,
       const auto found = lists.find({place.first + dy, place.second + dx});
       if (found == lists.end()) continue;
       for (const std::uint32_t i : found->second) {
-        Steps s;
+        Steps s{};
         steps_of(cloud, i, &s);
         const std::int64_t x = s[0] - place.second * kSide, y = s[1] - place.first * kSide;
         if (x < -kHalo || x >= kSide + kHalo || y < -kHalo || y >= kSide + kHalo) continue;
