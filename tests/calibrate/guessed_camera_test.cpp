@@ -67,9 +67,9 @@ TEST(GuessedCamera, StaysWhereNothingShowsIt) {
 TrackedDrive turning_drive() {
   test::SimulatedDriveOptions options;
   options.lens = {640, 360, 420.0, 326.0, 183.0, -0.12, 0.0};
-  options.key_frames = 43;
+  options.key_frames = 29;
   options.turn = 0.02;
-  options.points = 900;
+  options.points = 400;
   options.seed = 11;
   TrackedDrive out;
   out.width = 640;
