@@ -62,7 +62,8 @@ std::vector<std::size_t> chosen(const TilePlan& plan, const std::optional<std::s
 TileJob job_of(const std::string& name, const fs::path& out) {
   TileJob job;
   job.kind = tile_job_from_string(name);
-  if (job.kind == TileJob::Kind::kPatches || job.kind == TileJob::Kind::kCompare) {
+  if (job.kind == TileJob::Kind::kPatches || job.kind == TileJob::Kind::kLabels ||
+      job.kind == TileJob::Kind::kCompare) {
     throw std::invalid_argument("job: found '" + name +
                                 "', expected 'ground', 'filter', 'voxels' or 'normals'; camber "
                                 "tiles has the others");
