@@ -10,6 +10,8 @@
 #include <vector>
 
 #include "camber/pipeline/estimate_window.h"
+#include "camber/pipeline/stages/match.h"
+#include "camber/pipeline/stages/motion.h"
 #include "camber/pipeline/stages/passing_road.h"
 #include "pipeline/made_drive.h"
 #include "support/drawn_road.h"
@@ -77,8 +79,7 @@ WindowEstimate estimate(const LoadedFrames& frames) {
   return estimate_window({}, frames, handed_down({}), run);
 }
 
-bool is_named(const WindowEstimate& window) {
-  const std::vector<RunDocument::Warning>& warnings = window.judged.warnings;
+bool is_named(const std::vector<RunDocument::Warning>& warnings) {
   return std::any_of(warnings.begin(), warnings.end(),
                      [](const auto& w) { return w.code == "road_repeated"; });
 }
@@ -91,23 +92,44 @@ double log_error(const WindowEstimate& window) {
 TEST(RepeatedRoad, ASeenOneIsThatOfTheMatches) {
   const WindowEstimate window = estimate(street());
   EXPECT_FALSE(window.refined.ground.by_what_passes);
-  EXPECT_FALSE(is_named(window));
+  EXPECT_FALSE(is_named(window.judged.warnings));
   EXPECT_LT(std::abs(log_error(window)), 2.0 * window.judged.scale.sigma);
 }
 
-TEST(RepeatedRoad, WhatPassesGivesTheMetresOfOneThatStandsStill) {
+TEST(RepeatedRoad, OneThatIsCodedHasItsMetres) {
   LoadedFrames frames = street();
   code(40, &frames);
   const WindowEstimate window = estimate(frames);
-  EXPECT_TRUE(window.refined.ground.by_what_passes);
-  EXPECT_TRUE(is_named(window));
   EXPECT_LT(std::abs(log_error(window)), 2.0 * window.judged.scale.sigma);
-  EXPECT_LT(window.judged.scale.sigma, 0.08);
-  // The road is level, at the camera's height.
-  const UncertainPlane ego = window.judged.road.ego();
-  EXPECT_LT(angle_between(ego.plane.normal, {0.0, -1.0, 0.0}),
-            3.0 * std::sqrt(ego.covariance(0, 0) + ego.covariance(1, 1)));
-  EXPECT_FALSE(window.plan.road.empty());
+  EXPECT_LT(window.judged.scale.sigma, 0.1);
+}
+
+TEST(RepeatedRoad, WhatPassesIsAPlaneThatGivesTheMetres) {
+  LoadedFrames frames = street();
+  code(40, &frames);
+  const Correspondences matches = stages::match(frames, {});
+  const MotionEstimate motion = stages::motion(frames, matches, {});
+  const auto sweep = stages::sweep_road(frames, motion, 1);
+  ASSERT_TRUE(sweep);
+  const Ground ground = stages::passing_ground(frames, matches, motion, *sweep, {});
+  EXPECT_TRUE(ground.by_what_passes);
+  EXPECT_FALSE(stages::shows_another(*sweep, ground.ego));
+  const double height = kHeight / (kStep * static_cast<double>(kImages / 2));  // baselines
+  EXPECT_LT(std::abs(std::log(ground.ego.height / height)), 2.0 * ground.ego.relative_sigma);
+  for (const double v : {150.0, 200.0, 230.0}) {  // level, before the camera
+    const double expected = (v - frames.camera.cy) / frames.camera.fy / height;
+    EXPECT_NEAR(ground.field->inverse_depth({frames.camera.cx, v}) / expected, 1.0, 0.16) << v;
+  }
+  const JudgedRoad judged =
+      test::judged_road(frames, matches, PhotometricGround{ground, motion, nullptr, {}, {}, {}});
+  EXPECT_TRUE(is_named(judged.warnings));
+  EXPECT_LT(std::abs(std::log(judged.road.metres_per_baseline() /
+                              (kStep * static_cast<double>(kImages / 2)))),
+            2.0 * judged.scale.sigma);
+  // A ground three times as far below is another.
+  EgoPlane far = ground.ego;
+  far.height *= 3.0;
+  EXPECT_TRUE(stages::shows_another(*sweep, far));
 }
 
 }  // namespace
