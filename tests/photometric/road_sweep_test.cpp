@@ -91,6 +91,17 @@ TEST(RoadSweep, WhereNothingPassesItIsNotInformative) {
   EXPECT_FALSE(sweep(film(lines, 6.0)).informative);
 }
 
+TEST(RoadSweep, ThreeImagesAreTooFew) {
+  const std::vector<GrayImage> images = film(dashes, 6.0);
+  MotionEstimate motion;
+  for (int k = 1; k < 4; ++k) {
+    motion.frame_from_reference.push_back(
+        straight().frame_from_reference[static_cast<std::size_t>(k)]);
+  }
+  EXPECT_FALSE(
+      sweep_road(camera(), {&images[1], &images[2], &images[3]}, motion, 1, {}).informative);
+}
+
 TEST(RoadSweep, TheSameForAnyNumberOfThreads) {
   const std::vector<GrayImage> images = film(dashes, 6.0);
   std::vector<const GrayImage*> pointers;

@@ -211,7 +211,8 @@ RoadSweepResult sweep_road(const PinholeCamera& camera, const std::vector<const 
   out.log_baseline = near[best];
   out.correlation = fine[best].value;
   out.pairs = fine[best].pairs;
-  out.informative = out.correlation > options.least_correlation && out.lead > options.least_lead;
+  out.informative = static_cast<int>(images.size()) >= options.least_images &&
+                    out.correlation > options.least_correlation && out.lead > options.least_lead;
   if (best > 0 && best + 1 < near.size()) {
     const double before = fine[best - 1].value, after = fine[best + 1].value;
     const double bend = before - 2.0 * out.correlation + after;

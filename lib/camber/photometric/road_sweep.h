@@ -18,7 +18,10 @@ struct RoadSweepOptions {
   /// Limits for an informative sweep.
   double least_correlation = 0.2;
   double least_lead = 0.15;  ///< of the best correlation over that of any other baseline
-  int num_threads = 0;       ///< <= 0: see resolve_num_threads
+  /// Of three, the mean that is taken off each has a third of itself: both windows of three that
+  /// were informative and wrong, of a drive and of a made street, were 28 and 35 % off.
+  int least_images = 4;
+  int num_threads = 0;  ///< <= 0: see resolve_num_threads
 };
 
 struct RoadSweepResult {
