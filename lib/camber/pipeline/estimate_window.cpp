@@ -4,6 +4,7 @@
 #include <optional>
 #include <utility>
 
+#include "camber/core/errors.h"
 #include "camber/pipeline/stages/passing_road.h"
 #include "camber/scale/passing_road_constraint.h"
 
@@ -115,7 +116,11 @@ MeasuredGround measure_with_doubts(const FoundRoad& road, const PhotometricGroun
   }
   auto other = by_what_passes(road, refined, o, run);
   if (!other) return std::move(*first);
-  return measure(road, std::move(*other), o, run);
+  try {
+    return measure(road, std::move(*other), o, run);
+  } catch (const NoAnswerError&) {
+    return std::move(*first);
+  }
 }
 
 }  // namespace
