@@ -215,7 +215,7 @@ TEST_F(CloudProfiles, MistakesAreOneSentence) {
   EXPECT_ONE_SENTENCE(profile({"--json"}), 2, "--along FILE");
   EXPECT_ONE_SENTENCE(profile({"--along", path("line.csv")}), 2, "--sections");
   EXPECT_ONE_SENTENCE(profile({"--along", path("line.csv"), "--json", "--reach", "1"}), 2,
-                      "--reach: found a cloud");
+                      "--reach: found points");
   EXPECT_ONE_SENTENCE(profile({"--along", path("none.geojson"), "--json"}), 2, "none.geojson");
   EXPECT_ONE_SENTENCE(profile({"--along", path("line.csv"), "--alignment", "1", "--json"}), 2,
                       "--alignment");
