@@ -164,6 +164,7 @@ TEST_F(RasterProfiles, HeightsOfEveryLayout) {
   // Feet in plan, metres up.
   Layout feet;
   feet.metres = 1200.0 / 3937.0;
+  feet.cell = 0.5 / feet.metres;
   feet.code = 2263;
   const auto of_feet = profile(make("feet.tif", feet, {{"", "metre", ground}}),
                                {"--along", path("line.csv"), "--line-crs", "EPSG:2263", "--json"});
