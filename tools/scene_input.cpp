@@ -74,6 +74,7 @@ SceneInput::SceneInput(const Command& command, const SceneInputArguments& argume
   OpenSceneOptions options;
   options.paths = scene_paths(arguments.confine);
   const InputKind kind = kind_of_input(arguments.path);
+  if (out.empty()) throw UsageError("found an empty name, expected a folder for the result");
   // As deep as the folder that it becomes, so that the manifest's relative paths hold in both.
   fs::path folder = fs::weakly_canonical(fs::absolute(out));
   if (!folder.has_filename()) folder = folder.parent_path();
