@@ -43,7 +43,7 @@ KeySteps steps_of(const TrackedDrive& drive) {
   return out;
 }
 
-/// Key frames of a window: fewer than asked for where that gives three windows, whose spread says
+/// Key frames of a window: fewer than asked for where that gives three windows, whose spread shows
 /// how well they know the lens.
 std::size_t window_length(std::size_t key_frames, const CalibrateOptions& options) {
   constexpr std::size_t kWindows = 3, kLeast = 3;
@@ -153,13 +153,13 @@ double turn_of(const CalibrationWindow& window) {
       .norm();
 }
 
-/// What the windows alone say of the focal length, which the estimate has joined with the prior,
-/// against that prior: two normal distributions.
+/// What the windows alone measure of the focal length, which the estimate has joined with the
+/// prior, against that prior: two normal distributions.
 void compare_with_prior(double floor, DriveCalibration* out) {
   DriveLens::Matrix& covariance = out->lens.covariance;
   const double before = std::pow(out->prior.sigma(0), 2);
   const double joined = covariance(0, 0) - floor * floor;
-  if (!(joined < 0.99 * before)) return;  // the windows say nothing
+  if (!(joined < 0.99 * before)) return;  // the windows measure nothing
   const double moved = std::log(out->lens.lens.f / out->prior.mean.f);
   const double windows = joined * before / (before - joined) + floor * floor;
   out->focal_surprise = std::pow(moved * before / (before - joined), 2) / (windows + before);

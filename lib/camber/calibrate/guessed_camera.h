@@ -20,15 +20,15 @@ LensPrior lens_prior_of(const Scene& scene);
 /// What a drive showed of a guessed camera.
 struct CameraByDrive {
   std::optional<Scene> scene;                   ///< with the drive's camera; none: the guess stays
-  std::optional<DriveCalibration> calibration;  ///< also where it says too little
+  std::optional<DriveCalibration> calibration;  ///< also where it measures too little
   std::string text;                             ///< a sentence: what was done, and what it gave
   double milliseconds = 0.0;
 };
 
 /// Calibrates a guessed camera by its drive. The guess is the prior of that one estimate, so it is
 /// in the result, and nothing is joined with it afterwards. It stays where there are fewer than
-/// three windows, whose spread says how well they know the camera, where the focal length would not
-/// be clearly better known, and where no image can be read.
+/// three windows, whose spread shows how well they know the camera, where the focal length would
+/// not be clearly better known, and where no image can be read.
 /// @param frame_ids  ascending ids of the scene.
 /// @param options    `prior` and `skip_unreadable` are its own.
 CameraByDrive calibrate_guessed(const Scene& scene, const std::vector<int>& frame_ids,

@@ -60,7 +60,7 @@ MeasuredGround measure(const FoundRoad& road, PhotometricGround refined,
           std::move(judged)};
 }
 
-/// Whether the road may be another layer: its scale is known worse than what passes tells it.
+/// Whether the road may be another layer: its scale is known worse than what passes measures it.
 bool is_doubtful(const LoadedFrames& frames, const MeasuredGround& measured) {
   constexpr double kWorse = 2.0 * kSweptHeight;
   if (!measured.judged.metric || !frames.known.camera_height ||

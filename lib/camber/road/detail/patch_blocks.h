@@ -17,7 +17,7 @@ inline constexpr double kBlockSide = 64.0;  ///< m; corners are multiples of it
 inline constexpr double kBlockHalo = 8.0;   ///< m around a block
 inline constexpr double kPatchBlockReach = kBlockSide + kBlockHalo;  ///< m, from any of its points
 
-/// What a block's own points say. Coordinates are relative to its lower corner, at `height`.
+/// What a block's own points measure. Coordinates are relative to its lower corner, at `height`.
 struct PatchBlock {
   std::int64_t column = 0, row = 0;  ///< the corner in block sides
   double height = 0.0;               ///< m, zero of its heights
