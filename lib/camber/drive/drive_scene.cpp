@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <utility>
@@ -206,6 +207,16 @@ json warnings_of(const DriveResult& result, const DriveSurface& road) {
                    {"text", fmt::format("of {} frames no picture shows how the camera moved: they "
                                         "are bridged",
                                         held)}});
+  }
+  constexpr double kMostSigmas = 3.0;
+  if (result.positions && result.positions->disagreement_sigmas > kMostSigmas) {
+    out.push_back(
+        {{"code", "positions_contradicted"},
+         {"text", fmt::format("by its positions on the map the drive is {:.1f} % {}, {:.1f} "
+                              "standard deviations: its length is known no better",
+                              100.0 * std::abs(std::expm1(result.positions->log_scale)),
+                              result.positions->log_scale > 0.0 ? "longer" : "shorter",
+                              result.positions->disagreement_sigmas)}});
   }
   for (const RunDocument::Warning& warning : road.run.warnings) {
     out.push_back({{"code", warning.code}, {"text", warning.text}});
