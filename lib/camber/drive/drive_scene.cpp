@@ -41,7 +41,7 @@ json header_of(const std::vector<int>& ids, const Options& o) {
           {"no_calibrate", !o.calibrates},
           {"networks",
            {networks.detector, networks.detector_config, networks.keypoints,
-            networks.keypoints_config}},
+            networks.keypoints_config, networks.segmenter, networks.segmenter_config}},
           {"seed", o.drive.window.seed}};
 }
 
@@ -61,9 +61,10 @@ json run_json(const Scene& scene, const Options& o, bool complete) {
 /// What an earlier drive left; nothing else is touched.
 void remove_earlier(const fs::path& folder) {
   std::error_code none;
-  for (const char* name : {"drive.json", "trajectory.tum", "trajectory.gpx", "poses.txt",
-                           "vehicles.json", "tracks.json", "tracks.csv", "strip", "surface",
-                           "plots", "report.html", "film.mp4", "film.pieces", "windows.log"}) {
+  for (const char* name :
+       {"drive.json", "trajectory.tum", "trajectory.gpx", "poses.txt", "vehicles.json",
+        "tracks.json", "tracks.csv", "strip", "surface", "plots", "segmentation", "report.html",
+        "film.mp4", "film.pieces", "windows.log"}) {
     fs::remove_all(folder / name, none);
   }
 }
@@ -117,18 +118,16 @@ class Detection {
         networks_(detect_options(o.networks, o.drive.window.num_threads)),
         keypoints_(keypoint_options(o.networks, o.drive.window.num_threads)) {
     networks_.pixels = keypoints_.pixels = o.drive.window.load.pixels;
-    if (o.networks.segmenter.empty()) return;
-    throw UsageError(
-        "--segmenter: the labels of a whole drive are not computed on the way; camber detect "
-        "--segmenter writes a scene with them");
   }
 
-  void run(const std::vector<int>& ids, const Progress& progress, Scene* scene) {
+  /// @param labels  folder of what a segmenter finds.
+  void run(const std::vector<int>& ids, const fs::path& labels, const Progress& progress,
+           Scene* scene) {
     const bool by_shipped = options_.networks.detector.empty() && !has_boxes(*scene) &&
                             has_images(*scene, ids, networks_.pixels);
     if (by_shipped) networks_.networks.detector = kShippedNetwork;
     const StageTimer timer(time_, "networks");
-    seen_ = detect_drive(scene, ids, networks_, keypoints_, progress, options_.warn);
+    seen_ = detect_drive(scene, ids, networks_, keypoints_, labels, progress, options_.warn);
     if (by_shipped && options_.notice) {
       options_.notice(
           "the scene has no boxes: vehicles are what the shipped detector finds (--detector none "
@@ -267,7 +266,7 @@ DriveOutcome drive_scene(const Scene& given, const fs::path& folder, const Optio
     scene = *calibrated;
     o.manifest = fs::absolute(kept_manifest(folder)).lexically_normal();
   }
-  detection.run(ids, progress, &scene);
+  detection.run(ids, folder / "segmentation", progress, &scene);
   DriveResult result;
   {
     WindowLog log(folder / "windows.log", header, goes_on);
