@@ -123,8 +123,8 @@ void join_clocks(const std::optional<Mp4Film>& boxes, double first, double last,
   }
   telemetry->clock_sigma = kMadeSigma;
   telemetry->phrases.push_back(
-      fmt::format("joined to {:.0f} s by when the film says it was made, its first position {:.0f} "
-                  "s after the first frame (--telemetry-offset)",
+      fmt::format("joined to {:.0f} s by when the film says it was made (as by --telemetry-offset "
+                  "{:.0f})",
                   kMadeSigma, times.front() - made));
   shift_by(-made, telemetry);
 }
@@ -169,8 +169,12 @@ void widen_by_clock(double clock_sigma, double position_sigma, std::vector<GeoPo
     (*speeds)[i].sigma = std::hypot(given[i].sigma, clock_sigma * rate);
   }
   for (GeoPoint& point : *points) {
-    const auto at = place_in(given, point.time_s, kPositionGap);
-    const double speed = at ? given[at->first].speed : 0.0;
+    const auto behind = std::lower_bound(
+        given.begin(), given.end(), point.time_s,
+        [](const SpeedSample& sample, double time) { return sample.time_s < time; });
+    const double speed = given.empty()           ? 0.0
+                         : behind == given.end() ? given.back().speed
+                                                 : behind->speed;
     const double sigma = std::isfinite(point.sigma) ? point.sigma : position_sigma;
     point.sigma = std::hypot(sigma, clock_sigma * speed);
   }
@@ -244,7 +248,7 @@ std::string put(const Telemetry& telemetry, bool upright, const OwnDataOptions& 
       put_gravity(telemetry.gravity, options.up_sigma, scene) > 0) {
     given.emplace_back("gravity");
   }
-  if (given.empty()) return "nothing of it is of the frames";
+  if (given.empty()) return "nothing of it is taken";
   return fmt::format("the frames get its {}", fmt::join(given, ", "));
 }
 

@@ -6,6 +6,7 @@
 #include <optional>
 #include <sstream>
 #include <string_view>
+#include <vector>
 
 #include "camber/core/lower_case.h"
 #include "camber/import/text_rows.h"
@@ -54,33 +55,51 @@ std::optional<Found> number_after(std::string_view text, std::initializer_list<c
   return std::nullopt;
 }
 
-/// The degrees beside a letter of the compass: "n48.1374", "n: 48.1374" or "48.1374 n". Only
-/// numbers with decimals count: other letters stand beside numbers, too.
-std::optional<double> degrees_beside(std::string_view text, char positive, char negative) {
+/// Degrees beside letters of the compass: "n48.1374 e: 11.5755" or "48.1374 n, 11.5755 e". Only
+/// numbers with four decimals count: letters and numbers stand beside each other elsewhere, too.
+bool take_compass(std::string_view text, GeoPoint* out) {
+  constexpr std::size_t kLeastDecimals = 4;
+  struct Letter {
+    std::size_t at;
+    bool north;
+    double sign;
+  };
+  std::vector<Letter> letters;
+  std::vector<Found> numbers;
   for (std::size_t at = 0; at < text.size(); ++at) {
-    if (!is_digit(text[at]) || (at > 0 && (is_digit(text[at - 1]) || text[at - 1] == '.'))) {
-      continue;
+    const char c = text[at];
+    const char before = at > 0 ? text[at - 1] : ' ',
+               behind = at + 1 < text.size() ? text[at + 1] : ' ';
+    if ((c == 'n' || c == 's' || c == 'e' || c == 'w') && !is_letter(before) &&
+        !is_letter(behind)) {
+      letters.push_back({at, c == 'n' || c == 's', c == 'n' || c == 'e' ? 1.0 : -1.0});
     }
+    if (!is_digit(c) || is_digit(before) || before == '.') continue;
     const auto number = number_at(text, at);
-    if (!number || text.substr(at, number->end - at).find('.') == std::string_view::npos) continue;
-    const auto letter = [&](std::size_t place) {
-      if (place >= text.size()) return 0.0;
-      const char c = text[place];
-      if (c != positive && c != negative) return 0.0;
-      const bool alone = (place == 0 || !is_letter(text[place - 1])) &&
-                         (place + 1 >= text.size() || !is_letter(text[place + 1]));
-      return !alone ? 0.0 : c == positive ? 1.0 : -1.0;
-    };
-    const std::size_t before =
-        at == 0 ? std::string_view::npos : text.find_last_not_of(" :=", at - 1);
-    double sign = before == std::string_view::npos ? 0.0 : letter(before);
-    if (sign == 0.0) {
-      const std::size_t behind = text.find_first_not_of(" \xC2\xB0", number->end);
-      sign = behind == std::string_view::npos ? 0.0 : letter(behind);
+    const std::size_t point = number ? text.find('.', at) : std::string_view::npos;
+    if (number && point < number->end && number->end - point > kLeastDecimals) {
+      numbers.push_back(*number);
     }
-    if (sign != 0.0) return sign * number->value;
   }
-  return std::nullopt;
+  if (letters.empty() || numbers.empty()) return false;
+  const bool letters_first = letters.front().at < numbers.front().begin;
+  std::optional<double> latitude, longitude;
+  for (const Found& number : numbers) {
+    for (const Letter& letter : letters) {
+      const std::size_t from = letters_first ? letter.at + 1 : number.end;
+      const std::size_t to = letters_first ? number.begin : letter.at;
+      const bool beside =
+          from <= to &&
+          text.substr(from, to - from).find_first_not_of(" :=\xC2\xB0") == std::string_view::npos;
+      if (!beside) continue;
+      std::optional<double>& place = letter.north ? latitude : longitude;
+      if (!place) place = letter.sign * number.value;
+    }
+  }
+  if (!latitude || !longitude) return false;
+  out->latitude = *latitude;
+  out->longitude = *longitude;
+  return true;
 }
 
 /// Longitude, latitude and perhaps a height in brackets behind "gps".
@@ -106,11 +125,8 @@ bool take_position(std::string_view text, GeoPoint* out) {
   if (latitude && longitude) {
     out->latitude = latitude->value;
     out->longitude = longitude->value;
-  } else if (!take_brackets(text, out)) {
-    const auto north = degrees_beside(text, 'n', 's'), east = degrees_beside(text, 'e', 'w');
-    if (!north || !east) return false;
-    out->latitude = *north;
-    out->longitude = *east;
+  } else if (!take_brackets(text, out) && !take_compass(text, out)) {
+    return false;
   }
   const bool none = out->latitude == 0.0 && out->longitude == 0.0;
   return !none && std::abs(out->latitude) <= 90.0 && std::abs(out->longitude) <= 180.0;
