@@ -57,9 +57,9 @@ struct SiteColumns {
 };
 
 /// Calls visit(SitePoint) for the points of a stream that count, in their order. An interruption is
-/// looked for. @throws InputError
+/// looked for. @return how many points the stream has. @throws InputError
 template <typename Visit>
-void for_each_site_point(PointSource& source, const Visit& visit) {
+std::size_t for_each_site_point(PointSource& source, const Visit& visit) {
   const SiteColumns columns(source.header());
   SitePoint point;
   std::size_t first = 0;
@@ -71,6 +71,7 @@ void for_each_site_point(PointSource& source, const Visit& visit) {
       visit(point);
     }
   }
+  return first;
 }
 
 /// How far apart the points of the ground lie, by their number in squares of 4 m.
