@@ -178,11 +178,7 @@ Site load_site(const ExportArguments& args, const CommonOptions& common) {
     site.crs = *header.crs;
     complete_crs(&site.crs);
     if (site.crs.horizontal.angle) throw NoAnswerError(args.input + ": " + unit_remark(site.crs));
-    const bool compound = site.crs.epsg != 0 && site.crs.vertical_epsg != 0;
-    const bool text = site.crs.vertical_stated && !site.crs.wkt.empty();
-    site.definition = compound ? fmt::format("EPSG:{}+{}", site.crs.epsg, site.crs.vertical_epsg)
-                      : text   ? site.crs.wkt
-                               : definition_of(site.crs);
+    site.definition = definition_for_raster(site.crs);
   }
   site.source = ground_source_from(args.ground_from);
   if (site.source == GroundSource::kAuto) site.source = choose_source(site);
@@ -350,8 +346,7 @@ json export_site(const CommonOptions& common, const ExportArguments& args, Timin
   options.reach =
       site_reach(grid.cell, site.ground_spacing, args.fill_holes / site.crs.horizontal.metres);
   const std::size_t cells = grid.columns * grid.rows;
-  const std::string height_unit =
-      site.crs.vertical.known() && !site.crs.vertical.metre() ? site.crs.vertical.name : "m";
+  const std::string height_unit = height_unit_of(site.crs);
   RawRaster heights;
   heights.grid = grid;
   heights.bands = site_bands(height_unit);

@@ -227,7 +227,8 @@ std::string escaped(const std::string& text) {
 
 std::string raster_mosaic(const std::vector<std::string>& files,
                           const std::vector<CellWindow>& windows, const RasterPlan& raster,
-                          const std::string& crs, const std::string& height_unit) {
+                          const std::string& crs, const std::string& height_unit,
+                          const std::map<std::string, std::string>& metadata) {
   if (files.size() != windows.size() || files.empty()) {
     throw std::invalid_argument(
         fmt::format("raster_mosaic: {} files and {} windows, expected one "
@@ -253,6 +254,11 @@ std::string raster_mosaic(const std::vector<std::string>& files,
   if (!crs.empty()) text += "  <SRS>" + escaped(crs) + "</SRS>\n";
   text += fmt::format("  <GeoTransform>{:.17g}, {:.17g}, 0, {:.17g}, 0, {:.17g}</GeoTransform>\n",
                       grid.west, grid.cell, grid.north, -grid.cell);
+  text += "  <Metadata>\n";
+  for (const auto& [name, value] : metadata) {
+    text += fmt::format("    <MDI key=\"{}\">{}</MDI>\n", escaped(name), escaped(value));
+  }
+  text += "  </Metadata>\n";
   const std::vector<RasterBand> bands = site_bands(height_unit);
   for (std::size_t b = 0; b < bands.size(); ++b) {
     text += fmt::format(

@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <functional>
+#include <map>
 #include <string>
 #include <vector>
 
@@ -61,8 +62,10 @@ TileRaster make_tile_raster(const TilePlan& plan, std::size_t tile, const TileFi
 /// @param files        relative to the folder that the text is written into
 /// @param crs          EPSG:n, well-known text or a PROJ string; empty: none
 /// @param height_unit  of the bands
+/// @param metadata     of the whole: name and value
 std::string raster_mosaic(const std::vector<std::string>& files,
                           const std::vector<CellWindow>& windows, const RasterPlan& raster,
-                          const std::string& crs, const std::string& height_unit);
+                          const std::string& crs, const std::string& height_unit,
+                          const std::map<std::string, std::string>& metadata);
 
 }  // namespace camber

@@ -451,6 +451,12 @@ void begin_tile_job(const TilePlan& plan, const TileJob& job) {
 
 namespace {
 
+std::map<std::string, std::string> raster_metadata(TileGroundFrom from) {
+  return {{"TIFFTAG_SOFTWARE", std::string("Camber ") + kVersion},
+          {"TIFFTAG_IMAGEDESCRIPTION", "ground and surface of a cloud's points"},
+          {"CAMBER_GROUND_FROM", to_string(from)}};
+}
+
 /// Writes the raster of a tile, and says in `done` what it has.
 void write_tile_raster(const TilePlan& plan, const TileJob& job, std::size_t tile,
                        const fs::path& out, TileDone* done) {
@@ -478,11 +484,7 @@ void write_tile_raster(const TilePlan& plan, const TileJob& job, std::size_t til
                static_cast<std::streamsize>(band.size() * sizeof(float)));
     }
   });
-  job.write_raster(raw, job.crs,
-                   {{"TIFFTAG_SOFTWARE", std::string("Camber ") + kVersion},
-                    {"TIFFTAG_IMAGEDESCRIPTION", "ground and surface of a tile's points"},
-                    {"CAMBER_GROUND_FROM", to_string(job.ground_from)}},
-                   files.stage(out).string());
+  job.write_raster(raw, job.crs, raster_metadata(job.ground_from), files.stage(out).string());
   files.commit();
 }
 
@@ -667,11 +669,12 @@ JoinedTiles join_tiles(const TilePlan& plan, const TileJob& job) {
     const json there = parse_json(read_whole_file(options), options.string());
     JsonContext context{options.string(), {}};
     JsonObject given(JsonCursor(there, context), "the options of a job");
-    write_file_atomically(
-        mosaic_path(plan, job),
-        raster_mosaic(files, windows, read_raster_plan(options),
-                      given.require("crs", "a coordinate system, or \"\"").text(),
-                      given.require("height_unit", "the unit of heights").text()));
+    write_file_atomically(mosaic_path(plan, job),
+                          raster_mosaic(files, windows, read_raster_plan(options),
+                                        given.require("crs", "a coordinate system, or \"\"").text(),
+                                        given.require("height_unit", "the unit of heights").text(),
+                                        raster_metadata(ground_from_string(given.require(
+                                            "ground_from", "where the ground is from")))));
   }
   out.index = folder / "index.json";
   write_file_atomically(out.index, format_json({{"format", "camber-tile-job"},
