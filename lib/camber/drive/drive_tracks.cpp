@@ -7,6 +7,8 @@
 #include <optional>
 #include <set>
 
+#include "camber/drive/detail/track_rejection.h"
+
 namespace camber {
 namespace {
 
@@ -165,16 +167,64 @@ class PathFit {
   double mean_time_ = 0.0, alike_ = 1.0, cost_ = 0.0;
 };
 
-/// The place of a vehicle that stands; nothing where its views are plainly those of one that moves.
-std::optional<Path> parked_place(const std::vector<Seen>& seen) {
+/// Of the two the one that the views are of.
+struct Paths {
+  std::optional<Path> stands, moves;
+};
+
+/// A vehicle stands unless its views are plainly those of one that moves.
+Paths paths_of(const std::vector<Seen>& seen) {
   constexpr double kPlainly = 9.0;     // less cost of one that moves
   constexpr double kLeastSpeed = 1.0;  // m/s: walking pace
-  const std::optional<Path> stands = PathFit(seen, false).solve();
-  const std::optional<Path> moves = PathFit(seen, true).solve();
-  if (!stands || !moves) return stands;
+  Paths out{PathFit(seen, false).solve(), PathFit(seen, true).solve()};
+  if (!out.stands || !out.moves) {
+    out.moves.reset();
+    return out;
+  }
   const bool plainly =
-      stands->cost - moves->cost > kPlainly && moves->velocity.norm() > kLeastSpeed;
-  return plainly ? std::nullopt : stands;
+      out.stands->cost - out.moves->cost > kPlainly && out.moves->velocity.norm() > kLeastSpeed;
+  (plainly ? out.stands : out.moves).reset();
+  return out;
+}
+
+/// How high a place is above the ground of a view.
+internal::MeasuredLength height_above(const Seen& view, const Path& stands) {
+  constexpr double kSlope = 0.02;  // rad: how much a road's slope changes within some lengths
+  constexpr double kKerb = 0.15;   // m
+  const Plane& plane = view.vehicle->plane;
+  const SE3 camera_from_world = view.world_from_camera.inverse();
+  const Eigen::Vector3d here = camera_from_world * stands.position;
+  const Eigen::Vector3d normal = view.world_from_camera.rotation() * plane.normal;
+  const double slope = kSlope * (here - view.measured()).norm();
+  internal::MeasuredLength out;
+  out.value = plane.signed_distance(here);
+  out.sigma = std::sqrt(std::pow(view.vehicle->plane_sigma_height, 2) +
+                        normal.dot(stands.covariance * normal) + slope * slope + kKerb * kKerb);
+  return out;
+}
+
+internal::TrackEvidence evidence_of(const DriveTrack& track, const std::vector<Seen>& seen,
+                                    const Paths& paths, bool metric) {
+  internal::TrackEvidence out;
+  out.vehicle_class = track.vehicle_class;
+  if (metric) out.dimensions = track.dimensions;
+  out.speed_sigma = kSpeedSigma;
+  if (paths.stands) {
+    out.log_factor = paths.stands->log_factor;
+    out.log_factor_sigma = kSizeSigma;
+    for (const Seen& view : seen) out.heights.push_back(height_above(view, *paths.stands));
+  }
+  if (!paths.moves) return out;
+  if (metric) out.velocity = paths.moves->velocity;
+  for (const Seen& view : seen) {
+    const Eigen::Matrix3d turn = view.world_from_camera.rotation_matrix();
+    out.places.push_back({view.time, view.world_from_camera * view.measured(),
+                          turn * view.information.inverse() * turn.transpose()});
+  }
+  std::stable_sort(out.places.begin(), out.places.end(),
+                   [](const auto& a, const auto& b) { return a.time_s < b.time_s; });
+  if (!metric) out.places.clear();
+  return out;
 }
 
 Eigen::Matrix3d information_of(const VehicleEstimate& v) {
@@ -222,8 +272,13 @@ Eigen::Quaterniond mean_rotation(const std::vector<Seen>& seen) {
 
 }  // namespace
 
+std::size_t DriveTracks::num_rejected() const {
+  return static_cast<std::size_t>(std::count_if(
+      tracks.begin(), tracks.end(), [](const DriveTrack& t) { return !t.rejected.empty(); }));
+}
+
 DriveTracks join_tracks(const std::vector<WindowMeasurement>& windows, const Trajectory& trajectory,
-                        const std::map<int, double>& time_of) {
+                        const std::map<int, double>& time_of, const VehiclePrior* prior) {
   DriveTracks out;
   TrackSets sets;
   for (const WindowMeasurement& window : windows) {
@@ -259,10 +314,15 @@ DriveTracks join_tracks(const std::vector<WindowMeasurement>& windows, const Tra
     track.id = static_cast<int>(out.tracks.size()) + 1;
     track.vehicle_class = seen.front().vehicle->vehicle_class;
     track.dimensions = mean_dimensions(seen);
-    const std::optional<Path> parked = seen.size() >= 3 ? parked_place(seen) : std::nullopt;
+    const Paths paths = seen.size() >= 3 ? paths_of(seen) : Paths();
+    const std::optional<Path>& parked = paths.stands;
     track.parked = parked.has_value();
     const Eigen::Quaterniond heading = mean_rotation(seen);
     if (parked) track.covariance = parked->covariance;
+    if (seen.size() >= 3) {
+      track.rejected = internal::why_no_vehicle(evidence_of(track, seen, paths, trajectory.metric),
+                                                prior ? *prior : shipped_vehicle_prior());
+    }
     for (const Seen& view : seen) {
       VehicleEstimate v = *view.vehicle;
       v.track = track.id;
@@ -279,6 +339,10 @@ DriveTracks join_tracks(const std::vector<WindowMeasurement>& windows, const Tra
         v.covariance.block<3, 6>(0, 3).setZero();
         v.covariance.block<6, 3>(3, 0).setZero();
         v.plane = Plane::through(moved.translation(), v.plane.normal);
+      }
+      if (!track.rejected.empty()) {
+        v.status = Status::kFailed;
+        v.reason = "no vehicle by its track: " + track.rejected;
       }
       track.views.push_back({view.frame, v.id, view.time, world_from_vehicle});
       answers.emplace(Detection{view.frame, v.id}, std::move(v));
