@@ -36,7 +36,6 @@ TEST(TrackRejection, AVehicleMayBeOne) {
   EXPECT_EQ(why_no_vehicle(evidence, prior()), "");
   evidence.log_factor = 0.2;
   evidence.heights = {{0.3, 0.2}, {-0.2, 0.1}};
-  evidence.velocity = Eigen::Vector3d(30.0, 0.0, 30.0);
   evidence.places = path(0);
   EXPECT_EQ(why_no_vehicle(evidence, prior()), "");
   evidence.vehicle_class = "truck";
@@ -60,6 +59,15 @@ TEST(TrackRejection, ViewsThatErrAlikeDoNotAddUp) {
   EXPECT_EQ(why_no_vehicle(evidence, prior()), "it is 1.5 m below the road");
   evidence.heights = {{9.0, std::numeric_limits<double>::quiet_NaN()}};
   EXPECT_EQ(why_no_vehicle(evidence, prior()), "");
+}
+
+TEST(TrackRejection, ByItsWholeWayItIsTooFast) {
+  TrackEvidence evidence = a_car();
+  evidence.places = path(0);
+  for (TrackPlace& place : evidence.places) place.in_world *= 4.0;  // 48 m/s
+  EXPECT_EQ(why_no_vehicle(evidence, prior()), "");
+  for (TrackPlace& place : evidence.places) place.in_world *= 3.0;
+  EXPECT_EQ(why_no_vehicle(evidence, prior()), "it moves at 144 m/s");
 }
 
 TEST(TrackRejection, OneJumpIsAMistakeManyAreNoVehicle) {

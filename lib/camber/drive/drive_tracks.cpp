@@ -167,24 +167,21 @@ class PathFit {
   double mean_time_ = 0.0, alike_ = 1.0, cost_ = 0.0;
 };
 
-/// Of the two the one that the views are of.
-struct Paths {
-  std::optional<Path> stands, moves;
-};
-
-/// A vehicle stands unless its views are plainly those of one that moves.
-Paths paths_of(const std::vector<Seen>& seen) {
+/// The place of a vehicle that stands; nothing where its views are plainly those of one that moves.
+std::optional<Path> parked_place(const std::vector<Seen>& seen) {
   constexpr double kPlainly = 9.0;     // less cost of one that moves
   constexpr double kLeastSpeed = 1.0;  // m/s: walking pace
-  Paths out{PathFit(seen, false).solve(), PathFit(seen, true).solve()};
-  if (!out.stands || !out.moves) {
-    out.moves.reset();
-    return out;
-  }
+  const std::optional<Path> stands = PathFit(seen, false).solve();
+  const std::optional<Path> moves = PathFit(seen, true).solve();
+  if (!stands || !moves) return stands;
   const bool plainly =
-      out.stands->cost - out.moves->cost > kPlainly && out.moves->velocity.norm() > kLeastSpeed;
-  (plainly ? out.stands : out.moves).reset();
-  return out;
+      stands->cost - moves->cost > kPlainly && moves->velocity.norm() > kLeastSpeed;
+  return plainly ? std::nullopt : stands;
+}
+
+/// Whether a view says where its vehicle is.
+bool is_placed(const Seen& view) {
+  return view.vehicle->status != Status::kNotObservable && view.vehicle->status != Status::kFailed;
 }
 
 /// How high a place is above the ground of a view.
@@ -204,26 +201,29 @@ internal::MeasuredLength height_above(const Seen& view, const Path& stands) {
 }
 
 internal::TrackEvidence evidence_of(const DriveTrack& track, const std::vector<Seen>& seen,
-                                    const Paths& paths, bool metric) {
+                                    const std::optional<Path>& parked, bool metric) {
   internal::TrackEvidence out;
   out.vehicle_class = track.vehicle_class;
   if (metric) out.dimensions = track.dimensions;
   out.speed_sigma = kSpeedSigma;
-  if (paths.stands) {
-    out.log_factor = paths.stands->log_factor;
+  if (parked) {
+    out.log_factor = parked->log_factor;
     out.log_factor_sigma = kSizeSigma;
-    for (const Seen& view : seen) out.heights.push_back(height_above(view, *paths.stands));
+    for (const Seen& view : seen) {
+      if (is_placed(view)) out.heights.push_back(height_above(view, *parked));
+    }
   }
-  if (!paths.moves) return out;
-  if (metric) out.velocity = paths.moves->velocity;
+  if (!metric) return out;
   for (const Seen& view : seen) {
+    if (!is_placed(view)) continue;
     const Eigen::Matrix3d turn = view.world_from_camera.rotation_matrix();
+    const Eigen::Vector3d along = kOwnRange * view.measured();
+    const Eigen::Matrix3d covariance = view.information.inverse() + along * along.transpose();
     out.places.push_back({view.time, view.world_from_camera * view.measured(),
-                          turn * view.information.inverse() * turn.transpose()});
+                          turn * covariance * turn.transpose()});
   }
   std::stable_sort(out.places.begin(), out.places.end(),
                    [](const auto& a, const auto& b) { return a.time_s < b.time_s; });
-  if (!metric) out.places.clear();
   return out;
 }
 
@@ -314,13 +314,12 @@ DriveTracks join_tracks(const std::vector<WindowMeasurement>& windows, const Tra
     track.id = static_cast<int>(out.tracks.size()) + 1;
     track.vehicle_class = seen.front().vehicle->vehicle_class;
     track.dimensions = mean_dimensions(seen);
-    const Paths paths = seen.size() >= 3 ? paths_of(seen) : Paths();
-    const std::optional<Path>& parked = paths.stands;
+    const std::optional<Path> parked = seen.size() >= 3 ? parked_place(seen) : std::nullopt;
     track.parked = parked.has_value();
     const Eigen::Quaterniond heading = mean_rotation(seen);
     if (parked) track.covariance = parked->covariance;
     if (seen.size() >= 3) {
-      track.rejected = internal::why_no_vehicle(evidence_of(track, seen, paths, trajectory.metric),
+      track.rejected = internal::why_no_vehicle(evidence_of(track, seen, parked, trajectory.metric),
                                                 prior ? *prior : shipped_vehicle_prior());
     }
     for (const Seen& view : seen) {

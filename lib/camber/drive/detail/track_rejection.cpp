@@ -60,20 +60,27 @@ std::string by_height(const TrackEvidence& evidence) {
   return fmt::format("it is {:.1f} m {} the road", std::abs(mean), mean > 0.0 ? "above" : "below");
 }
 
+/// Whether no vehicle gets from one place to another in that time.
+bool is_jump(const TrackPlace& a, const TrackPlace& b, double speed_sigma) {
+  const double way = speed_sigma * (b.time_s - a.time_s);
+  const Eigen::Matrix3d covariance =
+      a.covariance + b.covariance + way * way * Eigen::Matrix3d::Identity();
+  return squared_distance(b.in_world - a.in_world, covariance) > kImprobableIn3;
+}
+
 std::string by_motion(const TrackEvidence& evidence) {
-  const double variance = evidence.speed_sigma * evidence.speed_sigma;
-  if (evidence.velocity && evidence.velocity->squaredNorm() > kImprobableIn3 * variance) {
-    return fmt::format("it moves at {:.0f} m/s", evidence.velocity->norm());
+  if (evidence.places.empty()) return {};
+  const TrackPlace &first = evidence.places.front(), &last = evidence.places.back();
+  if (last.time_s > first.time_s && is_jump(first, last, evidence.speed_sigma)) {
+    return fmt::format("it moves at {:.0f} m/s",
+                       (last.in_world - first.in_world).norm() / (last.time_s - first.time_s));
   }
   std::size_t steps = 0, jumps = 0;
   for (std::size_t i = 1; i < evidence.places.size(); ++i) {
     const TrackPlace &a = evidence.places[i - 1], &b = evidence.places[i];
-    const double span = b.time_s - a.time_s;
-    if (!(span > 0.0)) continue;
+    if (!(b.time_s > a.time_s)) continue;
     ++steps;
-    const Eigen::Matrix3d covariance =
-        a.covariance + b.covariance + variance * span * span * Eigen::Matrix3d::Identity();
-    jumps += squared_distance(b.in_world - a.in_world, covariance) > kImprobableIn3 ? 1 : 0;
+    jumps += is_jump(a, b, evidence.speed_sigma) ? 1 : 0;
   }
   if (steps == 0 || static_cast<double>(jumps) <= kMostJumps * static_cast<double>(steps)) {
     return {};

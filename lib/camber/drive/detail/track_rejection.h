@@ -32,11 +32,8 @@ struct TrackEvidence {
   double log_factor_sigma = 0.0;
   /// Of one that stands: of its place above the ground under each of its views.
   std::vector<MeasuredLength> heights;
-  /// Of one that moves: its velocity over all views, m/s, and its prior's standard deviation an
-  /// axis.
-  std::optional<Eigen::Vector3d> velocity;
-  double speed_sigma = 0.0;
-  std::vector<TrackPlace> places;  ///< of one that moves, by time
+  std::vector<TrackPlace> places;  ///< each by its own view, by time; empty: in units
+  double speed_sigma = 0.0;        ///< m/s an axis, of what vehicles do
 };
 
 /// Why a track is no vehicle: its size, its height above the road or its motion is, under the
