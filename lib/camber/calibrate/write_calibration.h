@@ -20,7 +20,8 @@ nlohmann::json to_json(const DriveCalibration& calibration);
 
 /// The scene with that camera, its lens taken out on reading; boxes and keypoints, which stand in
 /// the pixels of the camera that the scene had, are carried over. A height that the scene has
-/// stays; one by its own speeds is not put into it, since the speeds are there already.
+/// stays; where it has none, one by its positions is put into it. One by its speeds is not: a run
+/// takes metres from the speeds themselves.
 Scene calibrated_scene(const Scene& scene, const DriveCalibration& calibration);
 
 }  // namespace camber
