@@ -63,7 +63,8 @@ TileJob job_of(const std::string& name, const fs::path& out) {
   TileJob job;
   job.kind = tile_job_from_string(name);
   if (job.kind == TileJob::Kind::kPatches || job.kind == TileJob::Kind::kLabels ||
-      job.kind == TileJob::Kind::kCompare) {
+      job.kind == TileJob::Kind::kCompare || job.kind == TileJob::Kind::kExport ||
+      job.kind == TileJob::Kind::kProfile) {
     throw std::invalid_argument("job: found '" + name +
                                 "', expected 'ground', 'filter', 'voxels' or 'normals'; camber "
                                 "tiles has the others");

@@ -175,7 +175,7 @@ std::optional<MetresAlong> metres_by_speed(const Scene& scene, const std::vector
     metres += step.value_or(0.0);
   }
   if (!(metres > 0.0)) return std::nullopt;
-  out.sigma = travelled_sigma(scene, rate, weights) / metres;
+  out.sigma = travelled_sigma(scene, rate, weights).together() / metres;
   return out;
 }
 

@@ -135,11 +135,6 @@ Scene calibrated_scene(const Scene& scene, const DriveCalibration& c) {
   out.camera = c.lens.lens.pinhole();
   OwnImport report;
   take_out_lens(out, report);
-  if (const auto& height = c.mounting.height;
-      height && c.mounting.height_by_positions && !scene.height_above_road) {
-    out.height_above_road = height->value;
-    out.height_sigma = height->sigma;
-  }
   out.camera_sigma = {c.lens.sigma(0), std::max(c.lens.sigma(1), c.lens.sigma(2)), c.lens.sigma(3)};
   return out;
 }

@@ -20,8 +20,7 @@ nlohmann::json to_json(const DriveCalibration& calibration);
 
 /// The scene with that camera, its lens taken out on reading; boxes and keypoints, which stand in
 /// the pixels of the camera that the scene had, are carried over. A height that the scene has
-/// stays; where it has none, one by its positions is put into it. One by its speeds is not: a run
-/// takes metres from the speeds themselves.
+/// stays; one by its own speeds or positions is not put into it, since these are there already.
 Scene calibrated_scene(const Scene& scene, const DriveCalibration& calibration);
 
 }  // namespace camber
