@@ -67,8 +67,8 @@ void print_text(const Arguments& a, const DriveCalibration& c) {
   angle("yaw", c.mounting.yaw);
   angle("roll", c.mounting.roll);
   if (const auto& height = c.mounting.height) {
-    fmt::print("  {:.3f} +- {:.3f} m above the road, by the speeds of the frames\n", height->value,
-               height->sigma);
+    fmt::print("  {:.3f} +- {:.3f} m above the road, by the {} of the frames\n", height->value,
+               height->sigma, c.mounting.height_by_positions ? "positions" : "speeds");
   }
   for (const std::string& note : c.notes) fmt::print("  {}\n", note);
 }
@@ -147,8 +147,8 @@ void register_calibrate(App& root) {
   Command* command = add_command(
       root, "calibrate",
       "The camera from its own drive: focal length, principal point, radial distortion and "
-      "mounting by the pictures alone, and the height above the road where frames have speeds, "
-      "each with its standard deviation. A calibration that the "
+      "mounting by the pictures alone, and the height above the road where frames have speeds or "
+      "positions on the map, each with its standard deviation. A calibration that the "
       "scene has is not used. What is known before is that of vehicles and dash cameras: a "
       "horizontal field of view of 35 to 130 degrees, square pixels, no skew, the principal point "
       "near the middle. Turns show the focal length; on a straight drive it stays open, which the "

@@ -207,6 +207,19 @@ json warnings_of(const DriveResult& result, const DriveSurface& road) {
                                         "are bridged",
                                         held)}});
   }
+  const std::size_t rejected = result.tracks.num_rejected();
+  if (rejected > 0) {
+    const auto first =
+        std::find_if(result.tracks.tracks.begin(), result.tracks.tracks.end(),
+                     [](const DriveTrack& track) { return !track.rejected.empty(); });
+    out.push_back(
+        {{"code", "tracks_rejected"},
+         {"text", fmt::format("{} of {} tracks are no vehicles by their size, height above "
+                              "the road or motion, and are left out (tracks.json): track "
+                              "{}, {}{}",
+                              rejected, result.tracks.tracks.size(), first->id, first->rejected,
+                              rejected > 1 ? ", ..." : "")}});
+  }
   constexpr double kMostSigmas = 3.0;
   if (result.positions && result.positions->disagreement_sigmas > kMostSigmas) {
     out.push_back(
@@ -235,7 +248,8 @@ json summary_of(const DriveResult& result) {
           {"camera_height", number_json(drive.height.value)},
           {"camera_height_sigma", number_json(drive.height.sigma)},
           {"cells", result.strip.cells.size()},
-          {"tracks", result.tracks.tracks.size()}};
+          {"tracks", result.tracks.tracks.size() - result.tracks.num_rejected()},
+          {"rejected_tracks", result.tracks.num_rejected()}};
 }
 
 }  // namespace
