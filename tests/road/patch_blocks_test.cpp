@@ -18,7 +18,7 @@ namespace {
 using Eigen::Vector3d;
 
 constexpr double kNoise = 0.02;                      // m
-const Vector3d kCorner(651008.0, 6270016.0, 100.0);  // multiples of no square's side
+const Vector3d kCorner(651008.0, 6270016.0, 100.0);  // x: a multiple of a square's side
 
 /// Points drawn evenly over [0, width) x [0, depth), m from the corner.
 RoadCloud made_ground(double width, double depth, double density,
@@ -69,15 +69,16 @@ TEST(PatchBlocks, APlaneOverManyBlocksIsOnePatchAsWellKnownAsItsPointsMakeIt) {
 }
 
 TEST(PatchBlocks, AStepOnABordersLineIsNotJoined) {
-  // The corner is 16 m east of a block's: its next border is 48 m along x.
+  constexpr double kBorder = detail::kBlockSide;
+  ASSERT_EQ(std::fmod(kCorner.x(), kBorder), 0.0);
   const RoadCloud cloud =
-      made_ground(230.0, 150.0, 10.0, [](double x, double) { return x < 48.0 ? 0.0 : 0.15; });
+      made_ground(230.0, 150.0, 10.0, [](double x, double) { return x < kBorder ? 0.0 : 0.15; });
   const RoadSurfaceFit fit = fit_road_surface(cloud, {});
   ASSERT_EQ(fit.status, Status::kOk) << fit.reason;
   ASSERT_EQ(fit.surface.patches.size(), 2u);
   std::size_t wrong = 0;
   for (std::size_t i = 0; i < cloud.size(); ++i) {
-    const int side = cloud.points[i].x() < 48.0f ? 0 : 1;
+    const int side = double{cloud.points[i].x()} < kBorder ? 0 : 1;
     wrong += fit.labels[i] >= 0 && fit.labels[i] != side ? 1 : 0;
   }
   EXPECT_LT(wrong, cloud.size() / 1000);

@@ -31,8 +31,9 @@ TilePieces find_tile_pieces(const TilePlan& plan, std::size_t tile,
                             const RoadSurfaceOptions& options) {
   constexpr double kRounding = 0.01;  // m
   TileReading reading;
-  reading.halo = detail::kPatchBlockReach + kRounding;
+  reading.halo = detail::kBlockHalo + kRounding;
   reading.alignment = detail::kBlockSide;
+  reading.whole_squares = true;
   reading.num_threads = options.num_threads;
   TilePoints points = read_tile_points(plan, tile, reading);
   throw_if_interrupted();

@@ -18,7 +18,7 @@ struct TilePieces {
   std::uint64_t read_points = 0;  ///< that were decoded, of all files
 };
 
-/// Segments the squares of 64 m that a tile's own points lie in, each with its surroundings, as
+/// Segments the squares of 128 m that a tile's own points lie in, each with its surroundings, as
 /// fit_road_surface() does of a large cloud. The same for any number of threads.
 /// @throws InputError, NoAnswerError
 TilePieces find_tile_pieces(const TilePlan& plan, std::size_t tile,

@@ -78,12 +78,15 @@ class Reader {
     return std::llround(metres * kSteps);
   }
 
+  std::int64_t multiple() const { return std::llround(reading_.alignment * kSteps); }
+  /// The next multiple of the alignment that is not above.
+  std::int64_t below(std::int64_t v) const {
+    const std::int64_t m = multiple();
+    return (v >= 0 ? v / m : -((-v + m - 1) / m)) * m;
+  }
+
   /// Sets the origin, below a place in plan.
   void set_origin(double x, double y) {
-    const std::int64_t multiple = std::llround(reading_.alignment * kSteps);
-    const auto below = [&](std::int64_t v) {
-      return (v >= 0 ? v / multiple : -((-v + multiple - 1) / multiple)) * multiple;
-    };
     origin_ = {below(steps(x, 0)), below(steps(y, 1)), std::llround(plan_.height_zero * kSteps)};
   }
 
@@ -130,6 +133,12 @@ class Reader {
     StepBox box;
     for (const GridPoint& p : items_) {
       box.extend({origin_[0] + p.x, origin_[1] + p.y, 0});
+    }
+    if (reading_.whole_squares && !items_.empty()) {
+      for (std::size_t a = 0; a < 2; ++a) {
+        box.low[a] = below(box.low[a]);
+        box.high[a] = below(box.high[a]) + multiple() - 1;
+      }
     }
     box.grow(reading_.halo);
     return box;

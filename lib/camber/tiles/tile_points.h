@@ -26,10 +26,11 @@ struct TilePoints {
 };
 
 struct TileReading {
-  double halo = 0.0;       ///< m beside the tile's points, along x and y
-  double alignment = 1.0;  ///< m, a multiple of 1/1024 m
-  bool classes = false;    ///< classes and flags, too
-  int num_threads = 0;     ///< <= 0: see resolve_num_threads
+  double halo = 0.0;           ///< m beside the tile's points, along x and y
+  double alignment = 1.0;      ///< m, a multiple of 1/1024 m
+  bool whole_squares = false;  ///< halo beside the squares of the alignment that hold the points
+  bool classes = false;        ///< classes and flags, too
+  int num_threads = 0;         ///< <= 0: see resolve_num_threads
 };
 
 /// Reads a tile and, of its neighbours, the parts of their files that reach into the halo.

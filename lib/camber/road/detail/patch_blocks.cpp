@@ -25,14 +25,12 @@ namespace {
 
 // --- points of blocks ---------------------------------------------------------------------------
 
-constexpr double kSteps = 1024.0;                            // a metre
-constexpr std::int64_t kSide = std::int64_t{64} * 1024;      // steps, of a block
-constexpr std::int64_t kHalo = std::int64_t{8} * 1024;       // steps
+constexpr double kSteps = 1024.0;                                       // a metre
+constexpr auto kSide = static_cast<std::int64_t>(kBlockSide * kSteps);  // of a block
+constexpr auto kHalo = static_cast<std::int64_t>(kBlockHalo * kSteps);
 constexpr std::int64_t kBeside = std::int64_t{4} * 1024;     // steps, see PatchBlock::beside
 constexpr std::int64_t kMostHeight = std::int64_t{1} << 24;  // steps that a float holds exactly
-constexpr std::size_t kMostBeside = 4096;                    // points beside a border, about
-static_assert(kBlockSide * kSteps == static_cast<double>(kSide));
-static_assert(kBlockHalo * kSteps == static_cast<double>(kHalo));
+constexpr std::size_t kMostBeside = 8192;                    // points beside a border, about
 
 using Steps = std::array<std::int64_t, 3>;
 using Place = std::pair<std::int64_t, std::int64_t>;  // row, column
@@ -127,7 +125,7 @@ std::vector<BlockPoint> gather(const RoadCloud& cloud, const PointList& list, co
     std::uint64_t code;
     std::uint32_t at;
   };
-  constexpr int kPlanBits = 17, kHeightBits = 24;
+  constexpr int kPlanBits = 18, kHeightBits = 24;
   static_assert(kSide + 2 * kHalo <= std::int64_t{1} << kPlanBits);
   static_assert(kMostHeight == std::int64_t{1} << kHeightBits);
   std::vector<Item> items;
@@ -211,6 +209,7 @@ PatchBlock fit_block(const RoadCloud& cloud, const PointList& list, const Place&
   out.height = static_cast<double>(height) / kSteps;
   const RoadCloud block = cloud_of(cloud, points, height);
   CloudPart part;
+  part.most_points = kMostBlockPoints;
   part.box = Eigen::AlignedBox2d(Vector2d::Zero(), Vector2d::Constant(kBlockSide));
   for (const BlockPoint& p : points) {
     part.own.push_back(p.x >= 0 && p.x < kSide && p.y >= 0 && p.y < kSide ? 1 : 0);

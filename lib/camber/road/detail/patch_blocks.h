@@ -1,6 +1,7 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
 #include <cstdint>
 #include <string>
 #include <vector>
@@ -13,9 +14,10 @@
 /// farther away. Pieces that blocks find on one plane across a border are then joined.
 namespace camber::detail {
 
-inline constexpr double kBlockSide = 64.0;  ///< m; corners are multiples of it
-inline constexpr double kBlockHalo = 8.0;   ///< m around a block
-inline constexpr double kPatchBlockReach = kBlockSide + kBlockHalo;  ///< m, from any of its points
+inline constexpr double kBlockSide = 128.0;  ///< m; corners are multiples of it
+inline constexpr double kBlockHalo = 8.0;    ///< m around a block
+/// Points of a block and its halo that are segmented: of more about so many, 50 a square metre.
+inline constexpr std::size_t kMostBlockPoints = std::size_t{1} << 20;
 
 /// What a block's own points measure. Coordinates are relative to its lower corner, at `height`.
 struct PatchBlock {

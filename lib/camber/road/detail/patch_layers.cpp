@@ -299,7 +299,8 @@ PatchLayer find_patches_once(const RoadCloud& cloud, const Vector3d& up,
                              const CloudPart* part, const std::function<void(double)>& report) {
   PatchLayer layer;
   layer.labels.assign(cloud.size(), -1);
-  GroundTree tree(cloud, up, options.seed, kMostPatchPoints, options.num_threads);
+  const std::size_t most_points = part ? part->most_points : kMostPatchPoints;
+  GroundTree tree(cloud, up, options.seed, most_points, options.num_threads);
   if (tree.size() < 3) {
     layer.reason = fmt::format("{} usable points, at least 3 are needed", tree.size());
     return layer;
@@ -345,8 +346,8 @@ PatchLayer find_patches_once(const RoadCloud& cloud, const Vector3d& up,
   }
   report(0.8);
 
-  PatchLabels labels = label_patches(cloud, cloud.size() <= kMostPatchPoints, tree, segmentation,
-                                     options.num_threads);
+  PatchLabels labels =
+      label_patches(cloud, cloud.size() <= most_points, tree, segmentation, options.num_threads);
   const std::vector<int>& row_labels = labels.rows;
   layer.labels = std::move(labels.cloud);
   std::vector<int> counts(segmentation.regions.size(), 0);
@@ -399,6 +400,7 @@ PatchLayer find_patch_layers(const RoadCloud& cloud, const Vector3d& up,
     CloudPart rest_part;
     if (part) {
       rest_part.box = part->box;
+      rest_part.most_points = part->most_points;
       for (const int i : rest) rest_part.own.push_back(part->own[static_cast<std::size_t>(i)]);
     }
     PatchLayer next = find_patches_once(cloud.select(rest), up, viewpoint, options, &out,

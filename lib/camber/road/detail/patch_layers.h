@@ -47,12 +47,14 @@ struct PatchLayer {
 
 /// The part of a cloud that answers are wanted for; the rest lies around it.
 struct CloudPart {
-  std::vector<std::uint8_t> own;  ///< one a point
-  Eigen::AlignedBox2d box;        ///< in plan, in the frame of the cloud
+  std::vector<std::uint8_t> own;               ///< one a point
+  Eigen::AlignedBox2d box;                     ///< in plan, in the frame of the cloud
+  std::size_t most_points = kMostPatchPoints;  ///< that are segmented of all
 };
 
 /// Finds the patches of a cloud, also where ground lies above ground: layer by layer, all joined
-/// into the first. Clouds of more than kMostPatchPoints are represented by about so many.
+/// into the first. Clouds of more than kMostPatchPoints, or as many as a part says, are represented
+/// by about so many.
 /// @param part  nullptr: no sums, and borders everywhere; else borders whose leaves begin in it.
 ///              Level frames with z up only.
 PatchLayer find_patch_layers(const RoadCloud& cloud, const Eigen::Vector3d& up,
