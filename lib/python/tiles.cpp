@@ -91,7 +91,7 @@ py::dict joined_patches(const TilePlan& plan, const TileJob& job) {
 
 void bind_tiles(py::module_& module) {
   const TilePlanOptions plan;
-  const TileJob job;
+  const TileJob defaults;
   module.def(
       "plan_tiles",
       [](const std::vector<fs::path>& clouds, const fs::path& out, double side,
@@ -176,13 +176,14 @@ void bind_tiles(py::module_& module) {
       },
       py::arg("plan"), py::arg("job"), py::kw_only(), py::arg("out") = "", py::arg("radius") = 0.0,
       py::arg("voxel") = 0.0, py::arg("neighbors") = py::none(),
-      py::arg("max_slope") = job.surface.max_slope,
-      py::arg("inlier_threshold") = job.surface.inlier_threshold,
-      py::arg("min_patch_points") = job.surface.min_patch_points,
-      py::arg("tolerance_sigmas") = job.surface.tolerance_sigmas,
-      py::arg("tolerance") = job.surface.tolerance, py::arg("patches") = "", py::arg("truth") = "",
-      py::arg("thresholds") = job.thresholds, py::arg("tile") = py::none(),
-      py::arg("shard") = py::none(), py::arg("seed") = job.surface.seed, py::arg("threads") = 0,
+      py::arg("max_slope") = defaults.surface.max_slope,
+      py::arg("inlier_threshold") = defaults.surface.inlier_threshold,
+      py::arg("min_patch_points") = defaults.surface.min_patch_points,
+      py::arg("tolerance_sigmas") = defaults.surface.tolerance_sigmas,
+      py::arg("tolerance") = defaults.surface.tolerance, py::arg("patches") = "",
+      py::arg("truth") = "", py::arg("thresholds") = defaults.thresholds,
+      py::arg("tile") = py::none(), py::arg("shard") = py::none(),
+      py::arg("seed") = defaults.surface.seed, py::arg("threads") = 0,
       py::arg("progress") = py::none(),
       with_keywords("Works on the tiles of a plan; those that are done are passed over.",
                     {{"plan", "folder of plan_tiles()"},
@@ -227,7 +228,7 @@ void bind_tiles(py::module_& module) {
       },
       py::arg("plan"), py::arg("job"), py::kw_only(), py::arg("out") = "",
       py::arg("driven_line") = py::none(), py::arg("consistency") = "continuity",
-      py::arg("link_distance") = job.surface.consistency.link_distance, py::arg("threads") = 0,
+      py::arg("link_distance") = defaults.surface.consistency.link_distance, py::arg("threads") = 0,
       with_keywords("Checks that each tile of a plan is done and writes one index; of patches "
                     "joins the pieces to one surface, in surface.json and run.json.",
                     {{"plan", "folder of plan_tiles()"},
