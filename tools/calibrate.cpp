@@ -17,6 +17,8 @@
 #include "camber/import/open_scene.h"
 #include "camera_arguments.h"
 #include "command.h"
+#include "crs.h"
+#include "gnss_arguments.h"
 #include "own_inputs.h"
 #include "plugins/recording_plugin.h"
 
@@ -29,6 +31,7 @@ namespace {
 struct Arguments {
   std::string scene, out, scene_out, frames;
   CameraArguments camera;
+  TelemetryArguments telemetry;
   double rate = 0.0;
   bool json = false, confine = false, overwrite = false;
 };
@@ -40,6 +43,7 @@ json result_json(const Command& command, const Arguments& a, const DriveCalibrat
   out["options"] = {{"scene", a.scene},
                     {"frames", a.frames.empty() ? "all" : a.frames},
                     {"rate", a.rate > 0.0 ? json(a.rate) : json()}};
+  add_telemetry_json(a.telemetry, &out["options"]);
   out["timings_ms"] = json::object();
   for (const auto& [stage, ms] : c.timings.stages()) out["timings_ms"][stage] = ms;
   return out;
@@ -63,8 +67,8 @@ void print_text(const Arguments& a, const DriveCalibration& c) {
   angle("yaw", c.mounting.yaw);
   angle("roll", c.mounting.roll);
   if (const auto& height = c.mounting.height) {
-    fmt::print("  {:.3f} +- {:.3f} m above the road, by the speeds of the frames\n", height->value,
-               height->sigma);
+    fmt::print("  {:.3f} +- {:.3f} m above the road, by the {} of the frames\n", height->value,
+               height->sigma, c.mounting.height_by_positions ? "positions" : "speeds");
   }
   for (const std::string& note : c.notes) fmt::print("  {}\n", note);
 }
@@ -74,7 +78,8 @@ OpenedScene open(const Command& command, const Arguments& a, const fs::path& fol
   OpenSceneOptions options;
   options.paths = scene_paths(a.confine);
   if (kind_of_input(a.scene) == InputKind::kScene) {
-    for (const char* name : {"--height", "--height-sigma", "--rate"}) {
+    for (const char* name :
+         {"--height", "--height-sigma", "--rate", "--no-telemetry", "--telemetry-offset"}) {
       if (command.app->count(name) == 0) continue;
       throw UsageError(fmt::format(
           "{}: {} is a scene, which states it itself; expected a film, images or a bag beside "
@@ -84,6 +89,8 @@ OpenedScene open(const Command& command, const Arguments& a, const fs::path& fol
   } else {
     a.camera.take(&options.own);
     if (a.rate > 0.0) options.own.times.rate = a.rate;
+    options.own.telemetry = a.telemetry.take();
+    if (kind_of_input(a.scene) == InputKind::kVideo) options.own.gnss.projection = project_to_map;
     options.own.camera.guess = true;
     options.own.validate();
     options.open_bag = [](const fs::path& bag) {
@@ -111,6 +118,9 @@ int run(const Command& command, const Arguments& a) {
       hidden = std::make_unique<MadeFolder>(import_to);
   }
   const OpenedScene opened = open(command, a, import_to);
+  if (!opened.telemetry.empty() && !command.common.quiet) {
+    fmt::print(stderr, "camber: {}\n", opened.telemetry);
+  }
   refuse_own_inputs({a.out}, files_of(opened.scene));
   CalibrateOptions options;
   options.seed = command.common.seed;
@@ -137,8 +147,8 @@ void register_calibrate(App& root) {
   Command* command = add_command(
       root, "calibrate",
       "The camera from its own drive: focal length, principal point, radial distortion and "
-      "mounting by the pictures alone, and the height above the road where frames have speeds, "
-      "each with its standard deviation. A calibration that the "
+      "mounting by the pictures alone, and the height above the road where frames have speeds or "
+      "positions on the map, each with its standard deviation. A calibration that the "
       "scene has is not used. What is known before is that of vehicles and dash cameras: a "
       "horizontal field of view of 35 to 130 degrees, square pixels, no skew, the principal point "
       "near the middle. Turns show the focal length; on a straight drive it stays open, which the "
@@ -162,6 +172,7 @@ void register_calibrate(App& root) {
       ->no_name();
   add_height_options(app, a.camera);
   app.add_option("--rate", a.rate, "frames a second of images")->check(positive_number());
+  add_telemetry_options(app, a.telemetry);
   add_confine_option(app, a.confine);
   app.add_flag("--overwrite", a.overwrite, "replace a folder of --scene that is not empty");
   app.add_flag("--json", a.json, "print the result as JSON to stdout");

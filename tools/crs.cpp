@@ -112,6 +112,18 @@ std::vector<GeoPoint> places_on_earth(const std::string& crs,
   return out;
 }
 
+std::string definition_for_raster(const CoordinateSystem& system) {
+  if (system.epsg != 0 && system.vertical_epsg != 0) {
+    return fmt::format("EPSG:{}+{}", system.epsg, system.vertical_epsg);
+  }
+  return system.vertical_stated && !system.wkt.empty() ? system.wkt : definition_of(system);
+}
+
+std::string height_unit_of(const CoordinateSystem& system) {
+  const bool other = system.vertical.known() && !system.vertical.metre();
+  return other ? system.vertical.name : "m";
+}
+
 void complete_crs(CoordinateSystem* system) { complete_system(system, look_up_crs); }
 
 std::unique_ptr<PointSource> with_complete_crs(std::unique_ptr<PointSource> source,
@@ -142,7 +154,8 @@ std::string wkt_of_codes(const CoordinateSystem& system) {
       same(system.horizontal, found.horizontal) && same(system.vertical, found.vertical);
   if (compound) return found.wkt;
   reason.clear();
-  const bool known = look_up_crs(code, &found, &reason) && same(system.horizontal, found.horizontal);
+  const bool known =
+      look_up_crs(code, &found, &reason) && same(system.horizontal, found.horizontal);
   return known ? found.wkt : std::string();
 }
 

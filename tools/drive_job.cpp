@@ -86,11 +86,13 @@ std::string describe_drive(const std::string& folder, const json& run) {
   const double length = drive.at("length").is_number() ? drive.at("length").get<double>() : 0.0;
   const double sigma =
       drive.at("length_sigma").is_number() ? drive.at("length_sigma").get<double>() : 0.0;
-  return fmt::format("{}: {} frames, {:.1f} {} +- {:.1f} %, {} cells of road, {} tracks", folder,
+  const auto rejected = drive.value("rejected_tracks", std::size_t{0});
+  return fmt::format("{}: {} frames, {:.1f} {} +- {:.1f} %, {} cells of road, {} tracks{}", folder,
                      drive.at("frames").get<std::size_t>(), length,
                      run.value("metric", false) ? "m" : "units",
                      100.0 * sigma / std::max(length, 1e-9), drive.at("cells").get<std::size_t>(),
-                     drive.at("tracks").get<std::size_t>());
+                     drive.at("tracks").get<std::size_t>(),
+                     rejected > 0 ? fmt::format(", {} rejected", rejected) : "");
 }
 
 }  // namespace camber::tools

@@ -13,14 +13,14 @@
 #include <limits>
 #include <map>
 #include <nlohmann/json.hpp>
-#include <unordered_map>
 
 #include "camber/cloud/stream_filters.h"
 #include "camber/core/atomic_file.h"
 #include "camber/core/errors.h"
 #include "camber/core/interruption.h"
 #include "camber/core/version.h"
-#include "camber/export/gdal/geotiff.h"
+#include "camber/export/site_bands.h"
+#include "camber/export/site_points.h"
 #include "camber/export/site_raster.h"
 #include "camber/tiles/tile_job.h"
 #include "cloud_arguments.h"
@@ -39,12 +39,6 @@ namespace {
 constexpr std::size_t kStripBytes = std::size_t{512} << 20;
 constexpr double kMostCells = 4e9;
 
-/// A point as the raster takes it, in the file's units.
-struct SitePoint {
-  Eigen::Vector3d place;
-  bool ground = false;
-};
-
 /// What is known of a cloud before its raster.
 struct Site {
   std::vector<JoinedFile> files;  // one, of bounds that are not known, or tiles
@@ -59,24 +53,6 @@ struct Site {
   double ground_spacing = 0.0;  // median, in units of the file
 };
 
-bool is_ground_class(int k) { return k == 2 || k == 11; }
-bool is_left_out(int k, int flags) { return k == 7 || k == 18 || (flags & 4) != 0; }
-
-/// The fields of a stream by which a point is known.
-struct Columns {
-  std::array<int, 3> position{};
-  int classes = -1, flags = -1, labels = -1;
-
-  explicit Columns(const PointStreamHeader& header) : position(find_roles(header.fields).position) {
-    for (std::size_t i = 0; i < header.fields.size(); ++i) {
-      const std::string& name = header.fields[i].name;
-      if (name == "classification") classes = static_cast<int>(i);
-      if (name == "class_flags") flags = static_cast<int>(i);
-      if (name == "ground") labels = static_cast<int>(i);
-    }
-  }
-};
-
 /// Calls visit(place, class, label of ground) for the points of a file that count, in their order;
 /// what is not known is -1.
 template <typename Visit>
@@ -85,31 +61,11 @@ void for_each_point_of(const std::filesystem::path& path, const Site& site, cons
   reading.attributes = {"classification", "class_flags", "ground"};
   std::unique_ptr<PointSource> source = open_point_source(path, reading);
   if (reading.lenient) source = drop_bad_points(std::move(source));
-  const PointStreamHeader& header = source->header();
-  const Columns columns(header);
-  PointBatch batch;
-  std::size_t first = 0;
-  while (source->next(batch)) {
-    throw_if_interrupted();
-    const auto number = [&](int field, std::size_t i) {
-      const auto f = static_cast<std::size_t>(field);
-      return batch.fields[f].number(header.fields[f].type, i);
-    };
-    const auto whole = [&](int field, std::size_t i) {
-      return field < 0 ? -1 : static_cast<int>(number(field, i));
-    };
-    for (std::size_t i = 0; i < batch.count; ++i) {
-      const Eigen::Vector3d place(number(columns.position[0], i), number(columns.position[1], i),
-                                  number(columns.position[2], i));
-      const int kind = whole(columns.classes, i), flags = whole(columns.flags, i);
-      if (!place.allFinite() || place.cwiseAbs().maxCoeff() > 1e9) continue;
-      if (site.bounds && !site.bounds->contains(place.x(), place.y())) continue;
-      if (is_left_out(kind, std::max(flags, 0))) continue;
-      const int label = !site.labels.empty() ? site.labels.at(first + i) : whole(columns.labels, i);
-      visit(place, kind, label);
-    }
-    first += batch.count;
-  }
+  for_each_site_point(*source, [&](const SitePoint& point) {
+    if (site.bounds && !site.bounds->contains(point.place.x(), point.place.y())) return;
+    visit(point.place, point.kind,
+          site.labels.empty() ? point.label : site.labels.at(point.number));
+  });
 }
 
 /// The same for all files that reach into rows.
@@ -183,40 +139,15 @@ GroundSource choose_source(const Site& site) {
 
 /// Bounds and numbers of the points, and how far apart those of the ground lie.
 void measure(Site* site) {
-  constexpr std::size_t kMostSquares = 2000000;
-  const double side = 4.0 / site->crs.horizontal.metres;
-  std::unordered_map<std::uint64_t, std::uint32_t> squares;
+  SiteSpacing spacing(site->crs.horizontal.metres);
   for_each_point(*site, [&](const Eigen::Vector3d& place, int kind, int label) {
     site->box.extend(place);
     ++site->points;
     if (!is_ground(*site, kind, label)) return;
     ++site->ground;
-    const auto along = [&](double v) {
-      return static_cast<std::uint32_t>(static_cast<std::int64_t>(std::floor(v / side)));
-    };
-    const std::uint64_t square = std::uint64_t{along(place.x())} << 32 | along(place.y());
-    const auto found = squares.find(square);
-    if (found != squares.end()) {
-      ++found->second;
-    } else if (squares.size() < kMostSquares) {
-      squares.emplace(square, 1);
-    }
+    spacing.add(place);
   });
-  if (squares.empty()) return;
-  std::vector<std::uint32_t> counts;
-  for (const auto& [square, count] : squares) counts.push_back(count);
-  const auto middle = counts.begin() + static_cast<std::ptrdiff_t>(counts.size() / 2);
-  std::nth_element(counts.begin(), middle, counts.end());
-  site->ground_spacing = side / std::sqrt(static_cast<double>(*middle));
-}
-
-/// A length for cells that people use: the greatest of 1, 2, 5 and their tenfolds that is no more.
-double round_length(double length) {
-  const double power = std::pow(10.0, std::floor(std::log10(length)));
-  for (const double step : {5.0, 2.0}) {
-    if (step * power <= length * (1.0 + 1e-9)) return step * power;
-  }
-  return power;
+  site->ground_spacing = spacing.spacing();
 }
 
 Site load_site(const ExportArguments& args, const CommonOptions& common) {
@@ -247,11 +178,7 @@ Site load_site(const ExportArguments& args, const CommonOptions& common) {
     site.crs = *header.crs;
     complete_crs(&site.crs);
     if (site.crs.horizontal.angle) throw NoAnswerError(args.input + ": " + unit_remark(site.crs));
-    const bool compound = site.crs.epsg != 0 && site.crs.vertical_epsg != 0;
-    const bool text = site.crs.vertical_stated && !site.crs.wkt.empty();
-    site.definition = compound ? fmt::format("EPSG:{}+{}", site.crs.epsg, site.crs.vertical_epsg)
-                      : text   ? site.crs.wkt
-                               : definition_of(site.crs);
+    site.definition = definition_for_raster(site.crs);
   }
   site.source = ground_source_from(args.ground_from);
   if (site.source == GroundSource::kAuto) site.source = choose_source(site);
@@ -332,7 +259,6 @@ struct Answered {
 /// Makes the raster strip by strip: each reads the points anew.
 Answered make_rows(const Site& site, const SiteGrid& grid, const SiteRasterOptions& options,
                    BandFile* bands, BandFile* shades) {
-  constexpr double kDegrees = 180.0 / 3.14159265358979323846;
   const std::size_t columns = grid.columns;
   // Of points as many as the mean of all rows has.
   const double bytes = static_cast<double>(SiteRowsMaker::bytes_of_row(grid)) +
@@ -358,7 +284,6 @@ Answered make_rows(const Site& site, const SiteGrid& grid, const SiteRasterOptio
       out.known += known ? 1 : 0;
       out.occupied += occupied ? 1 : 0;
       out.known_occupied += known && occupied ? 1 : 0;
-      found.slopes[i] *= static_cast<float>(kDegrees);
     }
     out.cells += found.ground.size();
     if (shades) {
@@ -372,13 +297,9 @@ Answered make_rows(const Site& site, const SiteGrid& grid, const SiteRasterOptio
       shades->write(0, first * columns, grey.data(), grey.size());
     }
     std::size_t number = 0;
-    for (std::vector<float>* band :
-         {&found.ground, &found.surface, &found.slopes, &found.sigmas, &found.points}) {
-      for (float& value : *band) {
-        if (std::isnan(value)) value = static_cast<float>(kGeoTiffNoData);
-      }
-      bands->write(number++, first * columns * sizeof(float), band->data(),
-                   band->size() * sizeof(float));
+    for (const std::vector<float>& band : site_band_values(std::move(found))) {
+      bands->write(number++, first * columns * sizeof(float), band.data(),
+                   band.size() * sizeof(float));
     }
   }
   return out;
@@ -387,7 +308,7 @@ Answered make_rows(const Site& site, const SiteGrid& grid, const SiteRasterOptio
 SiteGrid grid_of(const ExportArguments& args, const Site& site) {
   const double metre = site.crs.horizontal.metres;
   const double cell =
-      args.grid.step_u > 0.0 ? args.grid.step_u / metre : round_length(0.75 * site.ground_spacing);
+      args.grid.step_u > 0.0 ? args.grid.step_u / metre : site_cell(site.ground_spacing);
   // One point astray makes a raster of nothing. A survey with as many empty cells to a point is
   // none.
   constexpr double kMostCellsOfAPoint = 1000.0, kFewCells = 1e7;
@@ -422,18 +343,13 @@ json export_site(const CommonOptions& common, const ExportArguments& args, Timin
   SiteRasterOptions options;
   options.num_threads = common.threads;
   options.height_per_length = site.crs.vertical.metres / site.crs.horizontal.metres;
-  options.reach = std::max({1.5 * grid.cell, 2.0 * site.ground_spacing,
-                            0.5 * args.fill_holes / site.crs.horizontal.metres});
+  options.reach =
+      site_reach(grid.cell, site.ground_spacing, args.fill_holes / site.crs.horizontal.metres);
   const std::size_t cells = grid.columns * grid.rows;
-  const std::string height_unit =
-      site.crs.vertical.known() && !site.crs.vertical.metre() ? site.crs.vertical.name : "m";
+  const std::string height_unit = height_unit_of(site.crs);
   RawRaster heights;
   heights.grid = grid;
-  heights.bands = {{"ground height", height_unit},
-                   {"surface height", height_unit},
-                   {"slope", "degree"},
-                   {"sigma of ground height", height_unit},
-                   {"points", ""}};
+  heights.bands = site_bands(height_unit);
   BandFile bands(args.out + ".raw", heights.bands.size(), cells * sizeof(float));
   std::optional<BandFile> shades;
   if (!args.hillshade.empty()) shades.emplace(args.hillshade + ".raw", 1, cells);

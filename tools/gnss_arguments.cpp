@@ -43,6 +43,32 @@ void add_gnss_options(App& app, GnssArguments& a) {
       ->needs("--gnss");
 }
 
+TelemetryOptions TelemetryArguments::take() const {
+  TelemetryOptions out;
+  out.use = !left_out;
+  if (!offset.empty()) out.offset = std::stod(offset);
+  return out;
+}
+
+void add_telemetry_options(App& app, TelemetryArguments& a) {
+  app.add_flag("--no-telemetry", a.left_out,
+               "leave what was recorded with a film alone: positions, speeds and gravity of "
+               "GoPro's track in it, else of the .gpx, .nmea or .srt beside it under its name");
+  app.add_option("--telemetry-offset", a.offset,
+                 "seconds to add to the times of that track or of subtitles; of a GPX or NMEA log: "
+                 "when its first position was, since the first frame; default: by the time at "
+                 "which the film says it was made, where the log covers it")
+      ->type_name("FLOAT")
+      ->check(finite_number())
+      ->excludes("--no-telemetry");
+}
+
+void add_telemetry_json(const TelemetryArguments& a, nlohmann::json* options) {
+  (*options)["no_telemetry"] = a.left_out;
+  (*options)["telemetry_offset"] =
+      a.offset.empty() ? nlohmann::json() : nlohmann::json(std::stod(a.offset));
+}
+
 void check_up_sigma(const App& app, const std::string& up, const GnssArguments& gnss) {
   if (app.count("--up-sigma-deg") == 0 || !up.empty() || !gnss.file.empty()) return;
   throw UsageError("--up-sigma-deg: found neither --up nor --gnss, expected one of them");

@@ -20,6 +20,20 @@ struct GnssArguments {
   GnssOptions take(double up_sigma) const;
 };
 
+/// --no-telemetry and --telemetry-offset, of what makes a scene of a film.
+struct TelemetryArguments {
+  bool left_out = false;
+  std::string offset;  ///< s; empty: not given
+
+  TelemetryOptions take() const;
+};
+
+/// `arguments` must live as long as the app.
+void add_telemetry_options(App& app, TelemetryArguments& arguments);
+
+/// Adds them to the options that --json repeats.
+void add_telemetry_json(const TelemetryArguments& arguments, nlohmann::json* options);
+
 /// `arguments` must live as long as the app.
 void add_gnss_options(App& app, GnssArguments& arguments);
 

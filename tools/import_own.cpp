@@ -246,7 +246,8 @@ void register_import_video(App& import) {
       import, "video",
       "Writes the scene manifest of a video (mp4, mkv, avi, ...). Every frame is decoded once for "
       "its time; frames are referred to as FILE#NUMBER and stay in the video unless --extract is "
-      "given.",
+      "given. Positions, speeds and gravity that the camera recorded with it (GoPro's track in it, "
+      "or a .gpx, .nmea or .srt of its name beside it) are taken where no option gives them.",
       "  camber import video drive.mp4 --calib camera.yaml --height 1.4 --out scene\n"
       "  camber import video drive.mp4 --fov 90 --from 12.5 --to 20 --every 3 --extract --out "
       "scene");
@@ -254,6 +255,7 @@ void register_import_video(App& import) {
     std::string video;
     VideoChoice choice;
     TimeRange times;
+    TelemetryArguments telemetry;
   };
   auto arguments = std::make_shared<Arguments>();
   Arguments& a = *arguments;
@@ -268,6 +270,7 @@ void register_import_video(App& import) {
   add_camera_options(app, a.camera, CameraSource::kImages);
   add_detection_options(app, a);
   add_known_options(app, a);
+  add_telemetry_options(app, a.telemetry);
   app.add_option("--frames", a.options.frames,
                  "frames to keep of those taken: 48,49,50, 48:52 or all; default: all")
       ->no_name();
@@ -275,8 +278,10 @@ void register_import_video(App& import) {
   command->run = [arguments, command]() {
     Arguments& given = *arguments;
     check_up_sigma(*command->app, given.up, given.gnss);
+    given.options.telemetry = given.telemetry.take();
     const OwnDataOptions& options = take(given);
     json used = options_json(given);
+    add_telemetry_json(given.telemetry, &used);
     take_time_range(given.times, &given.choice, &used);
     used["video"] = given.video;
     used["every"] = given.choice.every;

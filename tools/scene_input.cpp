@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "camber/core/errors.h"
+#include "crs.h"
 #include "own_inputs.h"
 #include "plugins/recording_plugin.h"
 
@@ -18,7 +19,8 @@ namespace {
 /// The first option that only a film, images or a bag take; empty: none is given.
 std::string camera_option(const App& app) {
   for (const char* name : {"--calib", "--camera", "--rectified", "--fx", "--fy", "--cx", "--cy",
-                           "--fov", "--fov-sigma", "--height", "--height-sigma", "--rate"}) {
+                           "--fov", "--fov-sigma", "--height", "--height-sigma", "--rate",
+                           "--no-telemetry", "--telemetry-offset"}) {
     if (app.count(name) > 0) return name;
   }
   return "";
@@ -29,6 +31,7 @@ void report(const OpenedScene& opened, const std::string& from, const fs::path& 
              opened.found.empty() ? fmt::format("{} images", opened.scene.frames.size())
                                   : opened.found.front(),
              kept.string());
+  if (!opened.telemetry.empty()) fmt::print(stderr, "camber: {}\n", opened.telemetry);
   if (!opened.camera_guessed) return;
   fmt::print(
       stderr,
@@ -48,6 +51,7 @@ constexpr char kSceneHelp[] =
 void add_how_to_read(App& app, SceneInputArguments& a) {
   add_camera_options(app, a.camera, CameraSource::kBag);
   app.add_option("--rate", a.rate, "frames a second of images")->check(positive_number());
+  add_telemetry_options(app, a.telemetry);
   add_confine_option(app, a.confine);
 }
 
@@ -93,6 +97,8 @@ SceneInput::SceneInput(const Command& command, const SceneInputArguments& argume
   }
   arguments.camera.take(&options.own);
   if (arguments.rate > 0.0) options.own.times.rate = arguments.rate;
+  options.own.telemetry = arguments.telemetry.take();
+  if (kind == InputKind::kVideo) options.own.gnss.projection = project_to_map;
   options.own.camera.guess = true;
   options.own.validate();
   options.open_bag = [](const fs::path& bag) {

@@ -10,6 +10,7 @@
 #include "camber/import/open_scene.h"
 #include "camera_arguments.h"
 #include "command.h"
+#include "gnss_arguments.h"
 
 namespace camber::tools {
 
@@ -18,6 +19,7 @@ namespace camber::tools {
 struct SceneInputArguments {
   std::string path;
   CameraArguments camera;
+  TelemetryArguments telemetry;
   double rate = 0.0;  ///< frames a second of images; 0: not given
   bool confine = false;
 };

@@ -8,6 +8,7 @@
 #include <string>
 #include <vector>
 
+#include "camber/core/atomic_file.h"
 #include "camber/core/errors.h"
 #include "camber/core/stopwatch.h"
 #include "camber/core/version.h"
@@ -18,6 +19,7 @@
 #include "command.h"
 #include "crs.h"
 #include "road_arguments.h"
+#include "tile_products.h"
 
 using nlohmann::json;
 
@@ -159,9 +161,11 @@ void register_plan(App& tiles) {
 // --- run, join ---------------------------------------------------------------------------------
 
 struct JobArguments {
-  std::string plan, job, shard, out, patches, truth;
+  std::string plan, job, shard, out, patches, truth, ground, ground_from = "job", crs, cog;
   std::optional<int> tile;
   TileJob options;
+  TileLine line;
+  CloudProfileOptions profile;
   SurfaceArguments surface;
   bool as_json = false;
 };
@@ -173,6 +177,10 @@ TileJob job_of(const Command& command, const JobArguments& arguments) {
   job.kind = tile_job_from_string(arguments.job);
   job.patches = arguments.patches;
   job.truth = arguments.truth;
+  job.ground = arguments.ground;
+  job.ground_from = arguments.ground_from == "class" ? TileGroundFrom::kClass
+                    : arguments.ground_from == "all" ? TileGroundFrom::kAll
+                                                     : TileGroundFrom::kJob;
   job.surface = arguments.surface.in_force(command.common);
   return job;
 }
@@ -184,12 +192,24 @@ void add_job_arguments(App& app, JobArguments& arguments) {
          "what is done with the tiles: ground (classes 2 and 1), filter (leaves out points "
          "with few others near by), voxels (one point for each cube), normals (up in z), "
          "patches (pieces of planar patches, which join makes one surface of), labels (adds "
-         "each point's patch, after the join of patches) or compare (adds the distance to "
-         "the nearest point of another plan)")
-      ->check(is_member({"ground", "filter", "voxels", "normals", "patches", "labels", "compare"}))
+         "each point's patch, after the join of patches), compare (adds the distance to "
+         "the nearest point of another plan), export (rasters of ground and surface, after the "
+         "join of ground) or profile (points of the ground near a line, which join measures along "
+         "it)")
+      ->check(is_member({"ground", "filter", "voxels", "normals", "patches", "labels", "compare",
+                         "export", "profile"}))
       ->required();
   app.add_option("--out", arguments.out, "folder of the results; default: PLAN/JOB")
       ->output_folder();
+}
+
+/// What both need of a line.
+void add_tile_line(App& app, JobArguments& arguments) {
+  app.add_option("--along", arguments.line.file,
+                 "of profile: points of a line in order, in the tiles' coordinates and units, or "
+                 "GeoJSON, GeoPackage, Shapefile, DXF or LandXML (.xml), transformed where it "
+                 "states another coordinate system");
+  add_line_arguments(app, arguments.line.reading);
 }
 
 /// The tiles that are asked for.
@@ -236,6 +256,12 @@ int run_job(const Command& command, const JobArguments& arguments) {
   if (job.kind == TileJob::Kind::kVoxels && !(job.voxel > 0.0)) {
     throw UsageError("--job voxels: expected --voxel beside it");
   }
+  if (job.kind == TileJob::Kind::kExport) prepare_rasters(plan, arguments.crs, &job);
+  if (job.kind == TileJob::Kind::kProfile) {
+    TileLine line = arguments.line;
+    line.crs = arguments.crs;
+    job.line = read_tile_line(plan, line, make_warning_sink(command.common));
+  }
   if (job.neighbors == 0) job.neighbors = default_neighbors(job.kind);
   if (job.kind == TileJob::Kind::kNormals && job.neighbors < 3) {
     throw UsageError("--neighbors: found less than 3, expected at least 3 for a plane");
@@ -257,6 +283,9 @@ int run_job(const Command& command, const JobArguments& arguments) {
     }
     if (done.counts.count("pieces") > 0) {
       fmt::print(", {} of them on {} pieces of patches", count("on_pieces"), count("pieces"));
+    }
+    if (done.counts.count("cells") > 0) {
+      fmt::print(", {} cells, the ground of {} of them known", count("cells"), count("known"));
     }
     if (compare) {
       fmt::print(", {} of them within {:g} m of the truth", count("compared"), job.radius);
@@ -290,7 +319,9 @@ void register_run(App& tiles) {
       "  camber tiles run plan --job normals --radius 1.5\n"
       "  camber tiles run plan --job voxels --voxel 0.5\n"
       "  camber tiles run plan --job patches\n"
-      "  camber tiles run plan --job compare --truth plan_of_2024 --radius 1");
+      "  camber tiles run plan --job compare --truth plan_of_2024 --radius 1\n"
+      "  camber tiles run plan --job export --step 0.5\n"
+      "  camber tiles run plan --job profile --along centreline.csv");
   const auto arguments = std::make_shared<JobArguments>();
   App& app = *command->app;
   add_job_arguments(app, *arguments);
@@ -316,6 +347,32 @@ void register_run(App& tiles) {
       ->capture_default_str();
   app.add_option("--patches", arguments->patches,
                  "folder of the joined patches, of labels; default: PLAN/patches");
+  app.add_option("--ground", arguments->ground,
+                 "folder of the joined ground, of export and profile; default: PLAN/ground");
+  app.add_option("--ground-from", arguments->ground_from,
+                 "where the ground of export and profile is from: job (the joined ground), class "
+                 "(ASPRS classes 2 and 11 of the plan's own tiles) or all (every point of them but "
+                 "water)")
+      ->check(is_member({"job", "class", "all"}))
+      ->capture_default_str();
+  app.add_option("--step", arguments->options.step,
+                 "metres, of export: side of a cell; 0: by how far apart the ground's points of "
+                 "sample tiles lie")
+      ->check(in_range(0.0, 100.0))
+      ->capture_default_str();
+  app.add_option("--fill-holes", arguments->options.fill_holes,
+                 "metres, of export: width of the holes of the ground that are filled from the "
+                 "ground around")
+      ->check(in_range(0.0, 1000.0))
+      ->capture_default_str();
+  add_tile_line(app, *arguments);
+  app.add_option("--half-width", arguments->options.half_width,
+                 "metres to either side of the line over which profile measures the cross slope")
+      ->check(positive_number())
+      ->capture_default_str();
+  app.add_option("--crs", arguments->crs,
+                 "of export and profile: coordinate system of the tiles, in place of the one that "
+                 "they state: EPSG:n, well-known text, a PROJ string, or a file with one of them");
   app.add_option("--shard", arguments->shard, "i/n: part i, from 1, of n parts of the tiles")
       ->no_name();
   app.add_option("--tile", arguments->tile, "one tile, by its number in index.json, from 0")
@@ -363,15 +420,38 @@ int run_join(const Command& command, const JobArguments& arguments) {
   const TilePlan plan = read_tile_plan(arguments.plan);
   const TileJob job = job_of(command, arguments);
   if (job.kind == TileJob::Kind::kPatches) return join_surface(command, arguments, plan, job);
+  if (!arguments.cog.empty()) {
+    if (job.kind != TileJob::Kind::kExport) {
+      throw UsageError(std::string("--cog: found --job ") + to_string(job.kind) +
+                       ", expected --job export");
+    }
+    check_output_file(arguments.cog);
+  }
+  json found = json::object();
+  if (job.kind == TileJob::Kind::kProfile) {
+    compute.stop();
+    TileLine line = arguments.line;
+    line.crs = arguments.crs;
+    found = join_profile(command, plan, job, line, arguments.profile, &timings);
+  }
   const JoinedTiles joined = join_tiles(plan, job);
+  if (!arguments.cog.empty()) write_mosaic(plan, job, arguments.cog);
   compute.stop();
   if (!arguments.as_json) {
-    fmt::print("{}: {} points in {} tiles\n", joined.index.string(), joined.points,
+    fmt::print("{}: {} points in {} tiles", joined.index.string(), joined.points,
                joined.tiles.size());
+    if (job.kind == TileJob::Kind::kProfile) {
+      fmt::print(", {} of {} stations", found["covered_stations"].get<std::size_t>(),
+                 found["station_count"].get<std::size_t>());
+    }
+    fmt::print("\n");
     return 0;
   }
-  print(command, joined.index.string(), timings,
-        {{"tiles", joined.tiles.size()}, {"points", joined.points}, {"counts", joined.counts}});
+  found["tiles"] = joined.tiles.size();
+  found["points"] = joined.points;
+  found["counts"] = joined.counts;
+  if (job.kind == TileJob::Kind::kExport) found["mosaic"] = mosaic_path(plan, job).string();
+  print(command, joined.index.string(), timings, std::move(found));
   return 0;
 }
 
@@ -381,13 +461,30 @@ void register_join(App& tiles) {
       "Joins the results of all tiles of a plan: checks that each is there and writes one index. "
       "Of patches: pieces of one plane become one patch, with one consistency graph, as "
       "surface.json "
-      "and run.json.",
+      "and run.json. Of export: mosaic.vrt, one raster of all. Of profile: profile.csv and "
+      "profile.json.",
       "  camber tiles join plan --job ground\n"
-      "  camber tiles join plan --job patches --consistency continuity");
+      "  camber tiles join plan --job patches --consistency continuity\n"
+      "  camber tiles join plan --job export --cog terrain.tif\n"
+      "  camber tiles join plan --job profile --along centreline.csv --crown");
   const auto arguments = std::make_shared<JobArguments>();
   App& app = *command->app;
   add_job_arguments(app, *arguments);
   add_graph_arguments(app, arguments->surface);
+  app.add_option("--cog", arguments->cog,
+                 "of export: also one Cloud Optimized GeoTIFF of all, under this name")
+      ->output_file();
+  add_tile_line(app, *arguments);
+  app.add_option("--step", arguments->profile.profile.step, "metres, of profile: between stations")
+      ->check(positive_number())
+      ->capture_default_str();
+  app.add_option("--length", arguments->profile.profile.length,
+                 "metres, of profile: of road over which grade and vertical radius are measured")
+      ->check(positive_number())
+      ->capture_default_str();
+  app.add_flag("--crown", arguments->profile.crown,
+               "of profile: also the cross slopes left and right of the crest");
+  app.add_option("--crs", arguments->crs, "of profile: coordinate system of the tiles, as of run");
   app.add_flag("--json", arguments->as_json, "one JSON object on stdout");
   command->run = [command, arguments] { return run_join(*command, *arguments); };
 }

@@ -165,7 +165,7 @@ void bind_imports(py::module_& module) {
   module.def(
       "import_video",
       [](const fs::path& video, const fs::path& out, int every, Number start, Number end,
-         bool extract, CAMBER_OWN_PARAMETERS) {
+         bool extract, bool telemetry, Number telemetry_offset, CAMBER_OWN_PARAMETERS) {
         VideoChoice choice;
         choice.every = every;
         choice.from = start;
@@ -173,6 +173,7 @@ void bind_imports(py::module_& module) {
         choice.extract = extract;
         choice.validate();
         OwnDataOptions own = own_options(CAMBER_OWN_NAMES);
+        own.telemetry = {telemetry, telemetry_offset};
         own.validate();
         return written(out, [&](const fs::path& manifest) {
           return import_video(video, choice, own, manifest);
@@ -180,7 +181,7 @@ void bind_imports(py::module_& module) {
       },
       py::arg("video"), py::arg("out"), py::kw_only(), py::arg("every") = 1,
       py::arg("start") = py::none(), py::arg("end") = py::none(), py::arg("extract") = false,
-      CAMBER_OWN_ARGUMENTS,
+      py::arg("telemetry") = true, py::arg("telemetry_offset") = py::none(), CAMBER_OWN_ARGUMENTS,
       with_keywords("A film as a scene, as camber import video writes it.",
                     [] {
                       auto words = own_words();
@@ -188,6 +189,12 @@ void bind_imports(py::module_& module) {
                       words.emplace_back("start", "s since the first frame; None: its start");
                       words.emplace_back("end", "s, inclusive; None: its end");
                       words.emplace_back("extract", CAMBER_DOC(VideoChoice, extract));
+                      words.emplace_back("telemetry",
+                                         "take what the camera recorded with the film: positions, "
+                                         "speeds, gravity");
+                      words.emplace_back("telemetry_offset",
+                                         "s, added to its times; of a GPX or NMEA log beside the "
+                                         "film when its first position was, since the first frame");
                       return words;
                     }())
           .c_str());

@@ -64,6 +64,11 @@ std::vector<std::size_t> chosen(const TilePlan& plan, const std::optional<std::s
 TileJob job_of(const std::string& name, const fs::path& out) {
   TileJob job;
   job.kind = tile_job_from_string(name);
+  if (job.kind == TileJob::Kind::kExport || job.kind == TileJob::Kind::kProfile) {
+    throw std::invalid_argument("job: found '" + name +
+                                "', expected 'ground', 'filter', 'voxels', 'normals', 'patches', "
+                                "'labels' or 'compare'; camber tiles has the others");
+  }
   job.folder = out;
   return job;
 }

@@ -14,14 +14,12 @@ least CPU time and the largest memory count. Inputs are made by a program of the
 
 import argparse
 import math
-import os
 import pathlib
 import subprocess
 import sys
-import tempfile
 
-from benchmark_json import ROOT, column, document, write_document
-from measured_program import Failed, measured
+from benchmark_json import column, document
+from measured_program import Failed, add_program_arguments, measured, run_measured
 
 INPUTS = pathlib.Path(__file__).resolve().parent / "growth_inputs.py"
 
@@ -148,41 +146,32 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__,
                                      formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("jobs", nargs="*", metavar="JOB", help=f"of {', '.join(jobs)}; default: all")
-    parser.add_argument("--camber", type=pathlib.Path, default=ROOT / "build/release/bin/camber")
+    add_program_arguments(parser)
     parser.add_argument("--smallest", type=float, default=1e5, help="points")
     parser.add_argument("--largest", type=float, default=1e7, help="points; 1e8 needs 12 GB of disk")
     parser.add_argument("--vehicles", type=int, default=1000, help="most vehicles a frame")
     parser.add_argument("--frames", type=int, default=24, help="most frames, to 24")
     parser.add_argument("--repeats", type=int, default=3)
-    parser.add_argument("--folder", type=pathlib.Path, help="for inputs; default: a temporary one")
-    parser.add_argument("--json", type=pathlib.Path)
     args = parser.parse_args()
     for job in args.jobs:
         if job not in jobs:
             parser.error(f"job '{job}': expected one of {', '.join(jobs)}")
-    args.camber = args.camber.resolve()
-    if not args.camber.exists():
-        parser.error(f"--camber {args.camber}: no such program")
-    before = os.getloadavg()[0]
-    with tempfile.TemporaryDirectory(dir=args.folder, prefix="bench_growth.") as name:
-        bench = Bench(args, pathlib.Path(name))
-        try:
-            for job in args.jobs or jobs:
-                if job in points:
-                    bench.run(job, "points", decades(args.smallest, args.largest))
-                elif job in nearest:
-                    bench.run(job, "points", decades(args.smallest, min(args.largest, 1e7)))
-                elif job == "frames":
-                    bench.run(job, "frames", [n for n in (3, 6, 12, 24) if n <= args.frames])
-                else:
-                    bench.run(job, "vehicles",
-                              [n for n in (10, 30, 100, 300, 1000) if n <= args.vehicles])
-        except Failed as error:
-            print(f"bench_growth.py: {error}", file=sys.stderr)
-            return 1
-    if args.json:
-        write_document(args.json, report(bench, before))
-    return 0
+
+    def run(folder):
+        bench = Bench(args, folder)
+        for job in args.jobs or jobs:
+            if job in points:
+                bench.run(job, "points", decades(args.smallest, args.largest))
+            elif job in nearest:
+                bench.run(job, "points", decades(args.smallest, min(args.largest, 1e7)))
+            elif job == "frames":
+                bench.run(job, "frames", [n for n in (3, 6, 12, 24) if n <= args.frames])
+            else:
+                bench.run(job, "vehicles",
+                          [n for n in (10, 30, 100, 300, 1000) if n <= args.vehicles])
+        return bench
+
+    return run_measured(parser, args, run, report)
 
 
 if __name__ == "__main__":

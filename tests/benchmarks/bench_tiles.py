@@ -10,16 +10,14 @@ The inputs are LAZ, made by survey_tiles.py and camber convert. 1e8 points need 
 
 import argparse
 import json
-import os
 import pathlib
 import shutil
 import subprocess
 import sys
-import tempfile
 import time
 
-from benchmark_json import ROOT, column, document, write_document
-from measured_program import Failed, measured
+from benchmark_json import column, document
+from measured_program import Failed, add_program_arguments, measured, run_measured
 
 # A program of its own: what a child of this one is charged for starts with this one's memory.
 MAKER = pathlib.Path(__file__).resolve().parent / "survey_tiles.py"
@@ -117,34 +115,26 @@ def report(bench, before):
 def main():
     parser = argparse.ArgumentParser(description=__doc__,
                                      formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--camber", type=pathlib.Path, default=ROOT / "build/release/bin/camber")
+    add_program_arguments(parser)
     parser.add_argument("--smallest", type=float, default=1e6, help="points")
     parser.add_argument("--largest", type=float, default=1e7, help="points")
     parser.add_argument("--density", type=float, default=10.0, help="points a square metre")
     parser.add_argument("--tile", type=float, default=0.0, help="side of a tile, m")
-    parser.add_argument("--jobs", nargs="+", default=["ground", "patches", "labels"],
-                        choices=["ground", "patches", "labels"])
+    parser.add_argument("--jobs", nargs="+", default=["ground", "patches", "labels", "export"],
+                        choices=["ground", "patches", "labels", "export"],
+                        help="in this order: labels after patches, export after ground")
     parser.add_argument("--parallel", action="store_true", help="also threads against processes")
-    parser.add_argument("--folder", type=pathlib.Path, help="for files; default: a temporary one")
-    parser.add_argument("--json", type=pathlib.Path)
     args = parser.parse_args()
-    args.camber = args.camber.resolve()
-    if not args.camber.exists():
-        parser.error(f"--camber {args.camber}: no such program")
-    before = os.getloadavg()[0]
-    with tempfile.TemporaryDirectory(dir=args.folder, prefix="bench_tiles.") as name:
-        bench = Bench(args, pathlib.Path(name))
+
+    def run(folder):
+        bench = Bench(args, folder)
         points = args.smallest
-        try:
-            while points <= 1.001 * args.largest:
-                bench.run(points)
-                points *= 10
-        except Failed as error:
-            print(f"bench_tiles.py: {error}", file=sys.stderr)
-            return 1
-    if args.json:
-        write_document(args.json, report(bench, before))
-    return 0
+        while points <= 1.001 * args.largest:
+            bench.run(points)
+            points *= 10
+        return bench
+
+    return run_measured(parser, args, run, report)
 
 
 if __name__ == "__main__":

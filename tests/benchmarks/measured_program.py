@@ -3,9 +3,12 @@
 import os
 import pathlib
 import subprocess
+import sys
 import tempfile
 import time
-from typing import Any, Iterable, NamedTuple
+from typing import Any, Callable, Iterable, NamedTuple
+
+from benchmark_json import ROOT, write_document
 
 
 class Failed(Exception):
@@ -40,3 +43,30 @@ def measured(words: Iterable[Any]) -> Run:
                          f"{errors.read().decode(errors='replace').strip()[-500:]}")
         return Run(usage.ru_utime + usage.ru_stime, wall, usage.ru_maxrss / 1024.0,
                    int(io["rchar"]) / 1e6, int(io["wchar"]) / 1e6, out.read().decode())
+
+
+def add_program_arguments(parser) -> None:
+    """--camber, --folder and --json of a benchmark that run_measured() runs."""
+    parser.add_argument("--camber", type=pathlib.Path, default=ROOT / "build/release/bin/camber")
+    parser.add_argument("--folder", type=pathlib.Path, help="for files; default: a temporary one")
+    parser.add_argument("--json", type=pathlib.Path)
+
+
+def run_measured(parser, args, run: Callable[[pathlib.Path], Any],
+                 report: Callable[[Any, float], dict]) -> int:
+    """Calls `run` with a folder of its own, then writes what `report` makes of its result and of the
+    machine's load before. The exit code: 1 where a run of the program failed."""
+    args.camber = args.camber.resolve()
+    if not args.camber.exists():
+        parser.error(f"--camber {args.camber}: no such program")
+    before = os.getloadavg()[0]
+    script = pathlib.Path(sys.argv[0])
+    with tempfile.TemporaryDirectory(dir=args.folder, prefix=script.stem + ".") as name:
+        try:
+            result = run(pathlib.Path(name))
+        except Failed as error:
+            print(f"{script.name}: {error}", file=sys.stderr)
+            return 1
+    if args.json:
+        write_document(args.json, report(result, before))
+    return 0

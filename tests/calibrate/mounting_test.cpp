@@ -99,6 +99,47 @@ TEST(Mounting, HeightIsThatOfTheSpeeds) {
   EXPECT_FALSE(metres_by_speed(scene, ids));
 }
 
+TEST(Mounting, HeightIsThatOfThePositions) {
+  const auto options = mounted_camera();
+  const std::vector<WindowBundle> windows = windows_of(options);
+  Scene scene;
+  std::vector<int> ids;
+  for (int k = 0; k < options.key_frames; ++k) {
+    SceneFrame frame;
+    frame.id = 3 * k;
+    frame.time_s = 0.1 * k;
+    MapPosition at;  // a receiver that is 2 m off and drifts by 0.2 m within the drive
+    const double drift = 2.0 + 0.1 * std::sin(1.1 * k * 0.1);
+    at.position = {500000.0 + options.step * k + drift, 5400000.0 - drift, 300.0};
+    frame.map_position = at;
+    scene.frames.push_back(frame);
+    ids.push_back(frame.id);
+  }
+  EXPECT_FALSE(metres_by_speed(scene, ids));
+  const auto metres = metres_by_positions(scene, ids);
+  ASSERT_TRUE(metres);
+  EXPECT_TRUE(metres->by_positions);
+  for (std::size_t k = 10; k < 40; ++k) EXPECT_NEAR(metres->steps[k], options.step, 0.03) << k;
+  EXPECT_GT(metres->sigma, 0.01);  // half a metre a second, of 9
+  EXPECT_LT(metres->sigma, 0.08);
+  const auto height = estimate_height(windows, *metres, 0.02);
+  ASSERT_TRUE(height);
+  EXPECT_NEAR(height->value, options.height, 0.05);
+  EXPECT_LT(std::abs(height->value - options.height), 2.0 * height->sigma);
+
+  // Fixes of centimetres say more.
+  for (SceneFrame& frame : scene.frames) frame.map_position->sigma = 0.02;
+  EXPECT_LT(metres_by_positions(scene, ids)->sigma, metres->sigma);
+  // A vehicle that stands is lost in the noise of its receiver.
+  for (SceneFrame& frame : scene.frames) {
+    frame.map_position->sigma = 2.5;
+    frame.map_position->position.x() = 500000.0 + 0.01 * frame.id;
+  }
+  EXPECT_FALSE(metres_by_positions(scene, ids));
+  for (SceneFrame& frame : scene.frames) frame.map_position.reset();
+  EXPECT_FALSE(metres_by_positions(scene, ids));
+}
+
 TEST(Mounting, TravelStepsKnowTheTurn) {
   auto options = mounted_camera();
   options.turn = 0.03;

@@ -131,12 +131,58 @@ TEST_F(Site, OfJoinedTilesIsThatOfTheWhole) {
   const Raster tiles(file("tiles.tif")), whole(file("whole.tif"));
   ASSERT_EQ(tiles.columns, whole.columns);
   ASSERT_EQ(tiles.rows, whole.rows);
-  EXPECT_EQ(tiles.bands[1], whole.bands[1]);
-  EXPECT_EQ(tiles.bands[4], whole.bands[4]);
-  for (std::size_t i = 0; i < whole.bands[0].size(); ++i) {
-    // Sums in another order.
-    EXPECT_NEAR(tiles.bands[0][i], whole.bands[0][i], 1e-3);
+  EXPECT_EQ(tiles.bands, whole.bands);
+
+  // Tile by tile, by several processes, with holes that are wider than what a cell sees: the same.
+  must({"export", file("whole.laz"), "--to", "geotiff", "--step", "0.5", "--fill-holes", "6",
+        "--out", file("filled.tif")});
+  for (const char* const shard : {"2/2", "1/2"}) {
+    must({"tiles", "run", plan, "--job", "export", "--step", "0.5", "--fill-holes", "6", "--shard",
+          shard, "--threads", shard[0] == '1' ? "1" : "2"});
   }
+  must({"tiles", "join", plan, "--job", "export", "--cog", file("joined.tif")});
+  const Raster filled(file("filled.tif")), mosaic(plan + "/export/mosaic.vrt"),
+      joined(file("joined.tif"));
+  EXPECT_EQ(joined.layout, "COG");
+  for (const Raster* const raster : {&mosaic, &joined}) {
+    EXPECT_EQ(raster->columns, filled.columns);
+    EXPECT_EQ(raster->rows, filled.rows);
+    for (std::size_t k = 0; k < 6; ++k) EXPECT_EQ(raster->corners[k], filled.corners[k]);
+    EXPECT_EQ(raster->names, filled.names);
+    EXPECT_EQ(raster->units, filled.units);
+    EXPECT_EQ(raster->bands, filled.bands);
+  }
+  // A raster is no cloud.
+  EXPECT_ONE_SENTENCE(
+      run_camber({"export", plan + "/export", "--to", "geotiff", "--out", file("no.tif")}), 2,
+      "export");
+}
+
+TEST_F(Site, OfASurveysOwnTilesIsThatOfTheWhole) {
+  const std::string cloud = make("classed.laz", true), plan = file("plan");
+  const auto must = [](const std::vector<std::string>& words) {
+    const auto result = run_camber(words);
+    ASSERT_EQ(result.exit_code, 0) << result.error;
+  };
+  // Neither side is a multiple of the cell.
+  must(
+      {"convert", cloud, "--bounds", "455000,5427000,456023.3,5429000", "--out", file("west.laz")});
+  must(
+      {"convert", cloud, "--bounds", "456023.3,5427000,457000,5429000", "--out", file("east.laz")});
+  must({"tiles", "plan", file("west.laz"), file("east.laz"), "--in-place", "--out", plan});
+  EXPECT_ONE_SENTENCE(run_camber({"tiles", "run", plan, "--job", "export"}), 2, "joined ground");
+  must({"tiles", "run", plan, "--job", "export", "--ground-from", "class", "--step", "1", "--crs",
+        "EPSG:25832"});
+  must({"tiles", "join", plan, "--job", "export"});
+  must({"export", cloud, "--to", "geotiff", "--ground-from", "class", "--step", "1", "--crs",
+        "EPSG:25832", "--out", file("whole.tif")});
+  const Raster whole(file("whole.tif")), mosaic(plan + "/export/mosaic.vrt");
+  EXPECT_THAT(mosaic.system, HasSubstr("25832"));
+  EXPECT_EQ(mosaic.bands, whole.bands);
+  // Other cells are another job.
+  EXPECT_ONE_SENTENCE(run_camber({"tiles", "run", plan, "--job", "export", "--ground-from", "class",
+                                  "--step", "2", "--crs", "EPSG:25832"}),
+                      2, "'step'");
 }
 
 TEST_F(Site, HasGroundSurfaceSlopeSigmaAndPoints) {

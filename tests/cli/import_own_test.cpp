@@ -12,6 +12,7 @@
 #include "camber/scene/scene.h"
 #include "cli/run_program.h"
 #include "scene/write_image.h"
+#include "support/made_film.h"
 #include "support/test_data.h"
 
 namespace camber {
@@ -374,6 +375,53 @@ TEST_F(ImportOwn, BoxesOfAVideoAreFoundByTheNumbersInTheirImagesNames) {
   EXPECT_THAT(error_, HasSubstr("by the numbers in the names of images, from 1 on"));
   const Scene some = boxes_of(1, 2);  // of a part: their numbers hold
   EXPECT_EQ(some.frames[2].vehicles.size(), 1u);
+}
+
+TEST_F(ImportOwn, WhatACameraRecordedWithItsFilmIsTaken) {
+  FilmWriter film(path("drive.mp4"), 10.0);
+  for (int i = 0; i < 8; ++i) film.add(Image{80, 60, 3, picture(80, 60, 3)});
+  film.finish();
+  std::vector<std::string> payloads;
+  for (int second = 0; second < 2; ++second) {
+    std::vector<test::MadeFix> fixes;
+    for (int i = 0; i < 18; ++i) {
+      fixes.push_back({48.0 + 9e-5 * (second + i / 18.0), 11.0, 520.0, 10.0});
+    }
+    payloads.push_back(test::payload(test::gps5_stream(fixes, 3, 150)));
+  }
+  const std::string bytes = test::read_bytes(path("drive.mp4"));
+  ASSERT_LT(bytes.find("mdat"), bytes.rfind("moov"));  // what with_telemetry() asks for
+  write_bytes(path("drive.mp4"), test::with_telemetry(bytes, payloads));
+  const std::vector<std::string> words = {"import", "video", path("drive.mp4"), "--fov",
+                                          "90",     "--out", path("out")};
+  const auto result = run_camber(words);
+  ASSERT_EQ(result.exit_code, 0) << result.error;
+  EXPECT_THAT(result.error, HasSubstr("telemetry of drive.mp4: HERO11 Black, GPS at 18 Hz, fix in "
+                                      "3 dimensions, dilution of precision 1.5; the frames get "
+                                      "its positions, speeds\n"));
+  EXPECT_THAT(result.error, HasSubstr("EPSG:32632"));
+  const Scene scene = read_scene(path("out"));
+  ASSERT_EQ(scene.frames.size(), 8u);
+  EXPECT_NEAR(*scene.frames[5].speed, 10.0, 1e-6);
+  EXPECT_NEAR((scene.frames[7].map_position->position - scene.frames[0].map_position->position)
+                  .head<2>()
+                  .norm(),
+              7.0, 0.1);
+  auto without = words;
+  without.emplace_back("--no-telemetry");
+  const auto bare = run_camber(without);
+  ASSERT_EQ(bare.exit_code, 0) << bare.error;
+  EXPECT_THAT(bare.error, testing::Not(HasSubstr("telemetry")));
+  EXPECT_FALSE(read_scene(path("out")).frames[5].speed);
+  // A track that ends too early is named; the film is imported.
+  std::string damaged = test::read_bytes(path("drive.mp4"));
+  write_bytes(path("drive.mp4"), damaged.substr(0, damaged.size() - 60));
+  const auto cut = run_camber(words);
+  ASSERT_EQ(cut.exit_code, 0) << cut.error;
+  EXPECT_THAT(cut.error, HasSubstr("telemetry, not used: "));
+  auto both = without;
+  both.insert(both.end(), {"--telemetry-offset", "1"});
+  EXPECT_ONE_SENTENCE(run_camber(both), 2, "--telemetry-offset");
 }
 
 /// Boxes by the video's frames, of which an import may take a part.

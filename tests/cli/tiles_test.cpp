@@ -3,10 +3,13 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <fstream>
+#include <iomanip>
 #include <nlohmann/json.hpp>
 
 #include "camber/cloud/cloud_io.h"
+#include "camber/core/random.h"
 #include "cli/run_program.h"
 #include "scene/write_image.h"
 #include "support/test_data.h"
@@ -130,6 +133,68 @@ TEST_F(Tiles, PatchesBecomeOneSurfaceAndLabels) {
   const ProgramResult early = run_camber({"tiles", "run", path("bare"), "--job", "labels"});
   EXPECT_EQ(early.exit_code, 2);
   EXPECT_THAT(early.error, HasSubstr("patches.ids"));
+}
+
+/// A crowned road of 200 m in a bend, with bushes beside it; classes 2 and 1.
+RoadCloud made_road() {
+  RoadCloud cloud;
+  cloud.origin = {456000.0, 5428000.0, 0.0};
+  const CounterRandom random(8);
+  std::vector<int> classes;
+  for (std::uint64_t i = 0; i < 40000; ++i) {
+    const double s = random.uniform(3 * i, -15.0, 215.0),
+                 v = random.uniform(3 * i + 1, -12.0, 12.0);
+    const double turn = s / 300.0, r = 300.0 - v;
+    const bool bush = std::abs(v) > 4.0 && random.uniform(3 * i + 2) < 0.2;
+    const double z = 100.0 + 0.03 * s + std::sin(s / 25.0) - 0.025 * std::abs(v) +
+                     0.01 * random.normal(i) + (bush ? 1.0 : 0.0);
+    // On a lattice of millimetres.
+    const auto on_lattice = [](double x) { return std::round(1000.0 * x) / 1000.0; };
+    cloud.points.push_back(Eigen::Vector3d(on_lattice(200.0 + r * std::sin(turn)),
+                                           on_lattice(400.0 - r * std::cos(turn)), on_lattice(z))
+                               .cast<float>());
+    classes.push_back(bush ? 1 : 2);
+  }
+  cloud.labels["classification"] = std::move(classes);
+  return cloud;
+}
+
+TEST_F(Tiles, ProfileIsThatOfTheWhole) {
+  write_cloud(made_road(), path("road.laz"));
+  {
+    std::ofstream line(path("line.csv")), other(path("other.csv"));
+    line << "x,y\n" << std::setprecision(12);
+    other << "x,y\n456200,5428100\n456300,5428110\n";
+    for (int s = 0; s <= 200; s += 4) {
+      line << 456200.0 + 300.0 * std::sin(s / 300.0) << ","
+           << 5428400.0 - 300.0 * std::cos(s / 300.0) << "\n";
+    }
+  }
+  must({"profile", path("road.laz"), "--along", path("line.csv"), "--ground-from", "class",
+        "--crown", "--out", path("whole.csv")});
+  must({"tiles", "plan", path("road.laz"), "--tile", "40", "--out", path("plan")});
+  const std::vector<std::string> step = {"tiles",          "run",           path("plan"),
+                                         "--job",          "profile",       "--along",
+                                         path("line.csv"), "--ground-from", "class"};
+  EXPECT_ONE_SENTENCE(run_camber({"tiles", "run", path("plan"), "--job", "profile"}), 2, "--along");
+  for (const char* const shard : {"2/2", "1/2"}) {
+    std::vector<std::string> words = step;
+    words.insert(words.end(), {"--shard", shard});
+    must(words);
+  }
+  EXPECT_ONE_SENTENCE(
+      run_camber({"tiles", "join", path("plan"), "--job", "profile", "--along", path("other.csv")}),
+      2, "another line");
+  const json joined = run(
+      {"tiles", "join", path("plan"), "--job", "profile", "--along", path("line.csv"), "--crown"});
+  const json whole = run({"profile", path("road.laz"), "--along", path("line.csv"), "--ground-from",
+                          "class", "--crown"});
+  EXPECT_EQ(joined["ground_points"], whole["ground_points"]);
+  // The tiles hold the corridor, not the survey.
+  EXPECT_LT(joined["points"].get<std::size_t>(), 30000u);
+  const auto files = test::files_below(folder_.path());
+  EXPECT_EQ(files.at("plan/profile/profile.csv"), files.at("whole.csv"));
+  EXPECT_EQ(json::parse(files.at("plan/profile/profile.json"))["stations"], whole["stations"]);
 }
 
 TEST_F(Tiles, KilledAndRepeatedGivesEqualFiles) {

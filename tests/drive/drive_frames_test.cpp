@@ -80,7 +80,7 @@ TEST(DriveFrames, RollIsPositiveWhereTheRightSideIsDownAndPitchWhereTheAxisRises
   const Eigen::Quaterniond raised =
       Eigen::Quaterniond(Eigen::AngleAxisd(pitch, Eigen::Vector3d::UnitX())).inverse();
   const auto document_of = [](const Drive& drive) {
-    return drive_document(drive.scene, drive.trajectory, drive.windows,
+    return drive_document(drive.scene, drive.trajectory, drive.windows, drive.factors,
                           ego_roads(drive.windows, drive.trajectory, drive.factors),
                           drive.windows[0].ego->plane.normal);
   };

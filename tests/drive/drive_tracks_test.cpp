@@ -60,6 +60,63 @@ TEST(DriveTracks, AParkedVehicleIsMeasuredByTheWayBetweenItsViews) {
   EXPECT_EQ(first.track, found.tracks[0].id);
 }
 
+/// The level ground 1.5 m below the camera.
+void put_ground(Pass* pass) {
+  for (WindowMeasurement& w : pass->windows) {
+    for (VehicleEstimate& v : w.vehicles.vehicles) {
+      v.plane = {Eigen::Vector3d(0, -1, 0), 1.5};
+      v.plane_sigma_height = 0.05;
+      v.status = Status::kOk;
+    }
+  }
+}
+
+DriveTrack only_track(const Pass& pass) {
+  const DriveTracks found = join_tracks(pass.windows, pass.trajectory, pass.times);
+  EXPECT_EQ(found.tracks.size(), 1U);
+  const bool rejected = !found.tracks[0].rejected.empty();
+  EXPECT_EQ(found.num_rejected(), rejected ? 1U : 0U);
+  for (const VehicleFrame& frame : found.vehicles.frames) {
+    EXPECT_EQ(frame.vehicles[0].status == Status::kFailed, rejected);
+    EXPECT_EQ(frame.vehicles[0].reason.find(found.tracks[0].rejected) != std::string::npos, true);
+  }
+  return found.tracks[0];
+}
+
+TEST(DriveTracks, WhatStandsHighAboveTheRoadIsRejected) {
+  Pass pass = make_pass(22, {3.0, 1.5, 30.0}, 0.0, 1.0);
+  put_ground(&pass);
+  EXPECT_EQ(only_track(pass).rejected, "");
+  pass = make_pass(22, {3.0, -0.5, 30.0}, 0.0, 1.0);  // 2 m: a window of a house
+  put_ground(&pass);
+  EXPECT_EQ(only_track(pass).rejected, "it is 2.0 m above the road");
+  for (WindowMeasurement& w : pass.windows) w.vehicles.vehicles[0].plane_sigma_height = 0.8;
+  EXPECT_EQ(only_track(pass).rejected, "");  // the ground is hardly known
+}
+
+TEST(DriveTracks, WhatHasNoSizeOfAVehicleIsRejected) {
+  Pass pass = make_pass(8, {3.0, 1.5, 30.0}, 0.0, 1.0);
+  put_ground(&pass);
+  for (WindowMeasurement& w : pass.windows) {
+    w.vehicles.vehicles[0].pose.dimensions = {1.0, 0.5, 0.4};
+  }
+  EXPECT_EQ(only_track(pass).rejected, "1.0 x 0.5 x 0.4 m are no size of a car");
+  pass.trajectory.metric = false;  // 0.4 of what?
+  EXPECT_EQ(only_track(pass).rejected, "");
+}
+
+TEST(DriveTracks, WhatIsFasterThanVehiclesIsRejected) {
+  Pass pass = make_pass(15, {-2.0, 1.5, 20.0}, 35.0, 1.0);
+  put_ground(&pass);
+  EXPECT_EQ(only_track(pass).rejected, "");
+  pass = make_pass(15, {-2.0, 1.5, 20.0}, 150.0, 1.0);
+  put_ground(&pass);
+  EXPECT_EQ(only_track(pass).rejected.substr(0, 11), "it moves at");
+  pass = make_pass(2, {-2.0, 1.5, 20.0}, 150.0, 1.0);  // two views are no track
+  put_ground(&pass);
+  EXPECT_EQ(only_track(pass).rejected, "");
+}
+
 TEST(DriveTracks, AMovingVehicleKeepsItsOwnPlaces) {
   const Pass pass = make_pass(15, {-2.0, 1.5, 20.0}, 12.0, 1.0);
   const DriveTracks found = join_tracks(pass.windows, pass.trajectory, pass.times);

@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <nlohmann/json.hpp>
 
 #include "camber/core/errors.h"
@@ -62,6 +63,28 @@ TEST_F(RunDrive, GivesTheDriveItsLengthRoadAndVehicles) {
                     [](const VehicleFrame& frame) { return !frame.vehicles.empty(); });
   EXPECT_EQ(vehicles, 3);
   EXPECT_LT(result.tracks.tracks.size(), 8U);  // of 13 detections
+}
+
+TEST_F(RunDrive, WhatItsWindowsShareIsBySourcesAndLens) {
+  scene_.height_sigma = 0.06 * *scene_.height_above_road;
+  const double by_height = run("height.log").trajectory.common_sigma;
+  EXPECT_GT(by_height, 0.04);
+  // A lens that was guessed is the same in every window: it does not average out.
+  scene_.camera_sigma.focal = 0.08;
+  EXPECT_GT(run("lens.log").trajectory.common_sigma, std::hypot(by_height, 0.05));
+  // Speeds say more than such a height, and do not hang on the lens.
+  scene_.camera_sigma.focal = 0.0;
+  for (std::size_t k = 0; k < 3; ++k) {
+    const std::size_t other = k < 2 ? k + 1 : k - 1;
+    const double step = (scene_.truth->frames[k].world_from_camera->translation() -
+                         scene_.truth->frames[other].world_from_camera->translation())
+                            .norm();
+    scene_.frames[k].speed = step * scene_.frame_rate.value_or(10.0);
+    scene_.frames[k].speed_sigma = 0.01 * *scene_.frames[k].speed;
+  }
+  const Trajectory fast = run("speed.log").trajectory;
+  EXPECT_LT(fast.common_sigma, 0.02);
+  EXPECT_GT(fast.common_sigma, 0.002);
 }
 
 TEST_F(RunDrive, AnInterruptedOneGoesOnToTheSameNumbers) {

@@ -311,6 +311,20 @@ TEST_F(ParkedCar, AssembleStatesOnePlaneForTheCarAndItsPatch) {
   EXPECT_LT(out.run.scale_sigma, scaled.road.scale_sigma());
 }
 
+TEST_F(ParkedCar, AssembleStatesACarOnGroundThatIsHardlyKnownAsWeak) {
+  const MadeDrive drive = drive_past(0.05);
+  const ScaledRoad scaled = exact_scaled(drive, 0.01);
+  const SurfacePlan plan = plan_of(drive, scaled);
+  PlacedVehicles placed = stages::vehicles(drive.frames, drive.motion, scaled, plan, {});
+  ASSERT_EQ(placed.estimates[0][0].status, Status::kOk) << placed.estimates[0][0].reason;
+  placed.estimates[0][0].plane_sigma_height = 0.95;
+  const AssembledRoad out = assembled(drive, scaled, plan, placed);
+  const VehicleEstimate& car = out.vehicles.frames[0].vehicles[0];
+  EXPECT_EQ(car.status, Status::kWeak);
+  EXPECT_EQ(car.reason, "the plane below it is known to 0.95 m");
+  EXPECT_EQ(out.vehicles.frames[1].vehicles[0].status, placed.estimates[1][0].status);
+}
+
 TEST_F(ParkedCar, AssembleRejectsACarThatContradictsItsGround) {
   const MadeDrive drive = drive_past(0.05, 0.5);  // on a loader, half a metre up
   const ScaledRoad scaled = exact_scaled(drive, 0.01);

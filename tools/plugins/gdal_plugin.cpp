@@ -117,17 +117,26 @@ std::string encode_apart(const RoadRaster& raster, const std::string& crs,
   return answer_apart("the GeoTIFF", [&] { return encode_geotiff(raster, crs, metadata); });
 }
 
-void write_cog_apart(const RawRaster& raster, const std::string& crs,
-                     const std::map<std::string, std::string>& metadata, const std::string& out) {
+/// A task that writes a GeoTIFF; what it leaves where it breaks down is removed.
+void write_apart(const std::string& out, const std::function<void()>& task) {
   try {
     answer_apart("the GeoTIFF", [&] {
-      write_cloud_optimized(raster, crs, metadata, out);
+      task();
       return std::string();
     });
   } catch (...) {
     for (const std::string& file : files_beside_cloud_optimized(out)) ::unlink(file.c_str());
     throw;
   }
+}
+
+void write_cog_apart(const RawRaster& raster, const std::string& crs,
+                     const std::map<std::string, std::string>& metadata, const std::string& out) {
+  write_apart(out, [&] { write_cloud_optimized(raster, crs, metadata, out); });
+}
+
+void copy_cog_apart(const std::string& raster, const std::string& name, const std::string& out) {
+  write_apart(out, [&] { copy_cloud_optimized(raster, name, out); });
 }
 
 std::string to_bytes(const VectorLines& lines) {
@@ -219,8 +228,8 @@ void read_raster_windows_apart(const std::string& path, const RasterHeader& head
   }
 }
 
-const GdalFunctions kFunctions{encode_apart, read_apart, write_cog_apart, raster_header_apart,
-                               read_raster_windows_apart};
+const GdalFunctions kFunctions{encode_apart,   read_apart,          write_cog_apart,
+                               copy_cog_apart, raster_header_apart, read_raster_windows_apart};
 
 }  // namespace
 }  // namespace camber::tools

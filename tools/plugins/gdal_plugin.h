@@ -21,6 +21,8 @@ struct GdalFunctions {
   void (*write_cloud_optimized)(const RawRaster& raster, const std::string& crs,
                                 const std::map<std::string, std::string>& metadata,
                                 const std::string& out);
+  void (*copy_cloud_optimized)(const std::string& raster, const std::string& name,
+                               const std::string& out);
   RasterHeader (*read_raster_header)(const std::string& path);
   void (*read_raster)(const std::string& path, const RasterHeader& header,
                       std::vector<RasterWindow>* windows);

@@ -175,7 +175,7 @@ void compare_with_prior(double floor, DriveCalibration* out) {
                   wider));
 }
 
-/// The height that the scene states against the one by its speeds.
+/// The height that the scene states against the one by its speeds or positions.
 void compare_heights(const Scene& scene, DriveCalibration* out) {
   const auto& seen = out->mounting.height;
   if (!seen || !scene.height_above_road) return;
@@ -184,9 +184,10 @@ void compare_heights(const Scene& scene, DriveCalibration* out) {
   constexpr double kChance = 6.63;  // chi-square of one freedom, 1 %
   if (off * off < kChance * sigma * sigma) return;
   out->notes.push_back(fmt::format(
-      "the scene's height, {:.2f} +- {:.2f} m, and the one by its speeds contradict each other, "
+      "the scene's height, {:.2f} +- {:.2f} m, and the one by its {} contradict each other, "
       "{:.1f} standard deviations",
-      *scene.height_above_road, scene.height_sigma, std::abs(off) / sigma));
+      *scene.height_above_road, scene.height_sigma,
+      out->mounting.height_by_positions ? "positions" : "speeds", std::abs(off) / sigma));
 }
 
 void describe(bool given_prior, DriveCalibration* out) {
@@ -254,6 +255,7 @@ TrackedDrive track_drive(const Scene& scene, const std::vector<int>& ids,
   }
   out.tracks = tracker.take();
   out.metres = metres_by_speed(scene, out.key_ids);
+  if (!out.metres) out.metres = metres_by_positions(scene, out.key_ids);
   return out;
 }
 
@@ -308,6 +310,7 @@ DriveCalibration calibrate_tracks(const TrackedDrive& drive, const CalibrateOpti
   out.mounting = estimate_mounting(windows, out.lens.lens, out.lens.covariance);
   if (drive.metres) {
     out.mounting.height = estimate_height(windows, *drive.metres, out.lens.sigma(0));
+    out.mounting.height_by_positions = out.mounting.height && drive.metres->by_positions;
   }
   describe(options.prior.has_value(), &out);
   timer.stop();

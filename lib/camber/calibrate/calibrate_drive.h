@@ -53,7 +53,7 @@ struct TrackedDrive {
   int width = 0, height = 0;  ///< of the images, px
   std::vector<FeatureTrack> tracks;
   std::vector<int> key_ids;           ///< frame ids of the key frames, ascending
-  std::optional<MetresAlong> metres;  ///< of the key frames, where the scene has speeds
+  std::optional<MetresAlong> metres;  ///< of the key frames, by speeds or positions
 };
 
 /// Reads the frames one after the other, as the files have them.

@@ -18,6 +18,7 @@ struct RoadSample {
 };
 
 constexpr int kLeastRoad = 12;
+constexpr double kFrameRate = 10.0;  // Hz, of frames without times, as everywhere
 
 std::vector<RoadSample> samples_of(const CalibrationWindow& window) {
   std::vector<RoadSample> out;
@@ -164,7 +165,6 @@ Mounting estimate_mounting(const std::vector<WindowBundle>& windows, const Drive
 }
 
 std::optional<MetresAlong> metres_by_speed(const Scene& scene, const std::vector<int>& key_ids) {
-  constexpr double kFrameRate = 10.0;  // Hz, of frames without times, as everywhere
   const double rate = scene.frame_rate.value_or(kFrameRate);
   MetresAlong out;
   SpeedWeights weights;
@@ -175,7 +175,64 @@ std::optional<MetresAlong> metres_by_speed(const Scene& scene, const std::vector
     metres += step.value_or(0.0);
   }
   if (!(metres > 0.0)) return std::nullopt;
-  out.sigma = travelled_sigma(scene, rate, weights) / metres;
+  out.sigma = travelled_sigma(scene, rate, weights).together() / metres;
+  return out;
+}
+
+namespace {
+
+/// A frame's place on the map.
+struct Fix {
+  int id = 0;
+  double time_s = 0.0;
+  Eigen::Vector2d at;
+  double sigma = 0.0;
+};
+
+std::vector<Fix> fixes_of(const Scene& scene, double rate) {
+  std::vector<Fix> out;
+  for (const SceneFrame& frame : scene.frames) {
+    if (!frame.map_position) continue;
+    const double time = time_of(frame, rate);
+    if (!out.empty() && !(time > out.back().time_s)) continue;
+    out.push_back(
+        {frame.id, time, frame.map_position->position.head<2>(), frame.map_position->sigma});
+  }
+  return out;
+}
+
+}  // namespace
+
+std::optional<MetresAlong> metres_by_positions(const Scene& scene,
+                                               const std::vector<int>& key_ids) {
+  constexpr double kHalf = 0.5, kLongest = 2.0;  // s, to each side
+  constexpr double kDifferenceSigma = 0.5;       // m, of two fixes near in time
+  constexpr double kPlainly = 3.0;               // standard deviations
+  const std::vector<Fix> fixes = fixes_of(scene, scene.frame_rate.value_or(kFrameRate));
+  Scene moved;
+  moved.frame_rate = scene.frame_rate;
+  for (std::size_t i = 0; i < fixes.size(); ++i) {
+    std::size_t before = i, after = i;
+    while (before > 0 && fixes[i].time_s - fixes[before].time_s < kHalf) --before;
+    while (after + 1 < fixes.size() && fixes[after].time_s - fixes[i].time_s < kHalf) ++after;
+    const Fix &a = fixes[before], &b = fixes[after];
+    const double span = b.time_s - a.time_s;
+    if (!(span >= kHalf) || fixes[i].time_s - a.time_s > kLongest ||
+        b.time_s - fixes[i].time_s > kLongest) {
+      continue;
+    }
+    const double way = (fixes[i].at - a.at).norm() + (b.at - fixes[i].at).norm();
+    const double sigma = std::min(std::hypot(a.sigma, b.sigma), kDifferenceSigma);
+    if (!(way > kPlainly * sigma)) continue;
+    SceneFrame frame;
+    frame.id = fixes[i].id;
+    frame.time_s = fixes[i].time_s;
+    frame.speed = way / span;
+    frame.speed_sigma = std::hypot(default_speed_sigma(*frame.speed), sigma / span);
+    moved.frames.push_back(std::move(frame));
+  }
+  std::optional<MetresAlong> out = metres_by_speed(moved, key_ids);
+  if (out) out->by_positions = true;
   return out;
 }
 

@@ -21,6 +21,7 @@ struct MountingNumber {
 struct Mounting {
   std::optional<MountingNumber> pitch, yaw, roll;
   std::optional<MountingNumber> height;  ///< m, above the road; by what is known of metres
+  bool height_by_positions = false;      ///< on the map; else by the frames' speeds
 };
 
 /// The road under one window by its points: inverse depth is affine in the ray over a plane,
@@ -52,11 +53,17 @@ Mounting estimate_mounting(const std::vector<WindowBundle>& windows, const Drive
 struct MetresAlong {
   std::vector<double> steps;  ///< m; NaN: not known
   double sigma = 0.0;         ///< relative, of all of them together
+  bool by_positions = false;  ///< else by speeds
 };
 
 /// Of the speeds that the scene's frames have; nothing where no step is known.
 /// @param key_ids  frame ids, ascending.
 std::optional<MetresAlong> metres_by_speed(const Scene& scene, const std::vector<int>& key_ids);
+
+/// Of the positions on the map, of scenes without speeds: the way over the ground from half a
+/// second before a frame to half a second after. Fixes near in time have most of their errors in
+/// common: they differ by half a metre at most. Nothing where the vehicle is not plainly faster.
+std::optional<MetresAlong> metres_by_positions(const Scene& scene, const std::vector<int>& key_ids);
 
 /// How high the camera is above the road: its height in the window's unit, times the metres per
 /// unit of the path through its key frames.

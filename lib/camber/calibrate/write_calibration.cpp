@@ -81,9 +81,9 @@ std::string calibration_yaml(const DriveCalibration& c, const std::string& sourc
   out += angle_yaml("roll", c.mounting.roll);
   if (const auto& height = c.mounting.height) {
     out += fmt::format(
-        "# above the road, by the speeds of the frames\nheight_m: {:.4f}\n"
+        "# above the road, by the {} of the frames\nheight_m: {:.4f}\n"
         "height_m_sigma: {:.4f}\n",
-        height->value, height->sigma);
+        c.mounting.height_by_positions ? "positions" : "speeds", height->value, height->sigma);
   }
   for (const std::string& note : c.notes) out += fmt::format("# {}\n", note);
   return out;
@@ -114,7 +114,10 @@ nlohmann::json to_json(const DriveCalibration& c) {
            {{"pitch_deg", angle_json(c.mounting.pitch)},
             {"yaw_deg", angle_json(c.mounting.yaw)},
             {"roll_deg", angle_json(c.mounting.roll)},
-            {"height_m", height ? number_json(height->value, height->sigma) : nullptr}}},
+            {"height_m", height ? number_json(height->value, height->sigma) : nullptr},
+            {"height_by", !height                          ? nlohmann::json()
+                          : c.mounting.height_by_positions ? nlohmann::json("positions")
+                                                           : nlohmann::json("speeds")}}},
           {"prior",
            {{"focal", c.prior.mean.f},
             {"focal_sigma", c.prior.sigma(0)},

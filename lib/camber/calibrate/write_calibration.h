@@ -20,7 +20,7 @@ nlohmann::json to_json(const DriveCalibration& calibration);
 
 /// The scene with that camera, its lens taken out on reading; boxes and keypoints, which stand in
 /// the pixels of the camera that the scene had, are carried over. A height that the scene has
-/// stays; one by its own speeds is not put into it, since the speeds are there already.
+/// stays; one by its own speeds or positions is not put into it, since these are there already.
 Scene calibrated_scene(const Scene& scene, const DriveCalibration& calibration);
 
 }  // namespace camber

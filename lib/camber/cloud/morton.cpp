@@ -10,14 +10,21 @@ namespace {
 
 constexpr std::uint64_t kLast = std::numeric_limits<std::uint64_t>::max();
 
-/// Bits 0 to 20 of v at positions 0, 3, 6, ...
+/// Groups of ones, so many bits from one to the next.
+constexpr std::uint64_t groups(int apart, int bits) {
+  std::uint64_t mask = 0;
+  for (int at = 0; at < 64; at += apart) mask |= ((std::uint64_t{1} << bits) - 1) << at;
+  return mask;
+}
+
+/// The lowest bits of v at positions 0, kAxes, 2 kAxes, ...: all 32 for two axes, 21 for three.
+/// Groups of 2 kHalf bits are cut in halves, which move apart, and so on.
+template <int kAxes, int kHalf = 16>
 std::uint64_t spread(std::uint64_t v) {
-  v &= 0x1fffff;
-  v = (v | v << 32) & 0x1f00000000ffffull;
-  v = (v | v << 16) & 0x1f0000ff0000ffull;
-  v = (v | v << 8) & 0x100f00f00f00f00full;
-  v = (v | v << 4) & 0x10c30c30c30c30c3ull;
-  return (v | v << 2) & 0x1249249249249249ull;
+  constexpr std::uint64_t kMask = groups(kAxes * kHalf, kHalf);
+  v = (v | v << (kAxes - 1) * kHalf) & kMask;
+  if constexpr (kHalf > 1) v = spread<kAxes, kHalf / 2>(v);
+  return v;
 }
 
 }  // namespace
@@ -46,7 +53,7 @@ std::vector<int> morton_order(const std::vector<Eigen::Vector3f>& points) {
     std::uint64_t code = 0;
     for (int axis = 0; axis < 3; ++axis) {
       const double cell = (static_cast<double>(points[i][axis]) - start[axis]) * scale;
-      code |= spread(static_cast<std::uint64_t>(cell)) << axis;
+      code |= spread<3>(static_cast<std::uint64_t>(cell)) << axis;
     }
     items[i].code = code;
   }
@@ -55,6 +62,10 @@ std::vector<int> morton_order(const std::vector<Eigen::Vector3f>& points) {
   order.reserve(items.size());
   for (const Item& item : items) order.push_back(item.index);
   return order;
+}
+
+std::uint64_t morton_code(std::uint32_t x, std::uint32_t y) {
+  return spread<2>(x) | spread<2>(y) << 1;
 }
 
 }  // namespace camber

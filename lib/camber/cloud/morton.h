@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cstdint>
 #include <vector>
 
 namespace camber {
@@ -10,5 +11,8 @@ namespace camber {
 /// keep their order; points that are not finite come last.
 /// @return indices into `points`; deterministic.
 std::vector<int> morton_order(const std::vector<Eigen::Vector3f>& points);
+
+/// The place of a cell of the plan on the Morton curve: the bits of x and y in turn.
+std::uint64_t morton_code(std::uint32_t x, std::uint32_t y);
 
 }  // namespace camber

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <filesystem>
 #include <optional>
 #include <vector>
 
@@ -16,14 +17,15 @@ struct DriveNetworks {
   std::optional<NetworkUse> keypoints;  ///< of the vehicles that have a shape prior
 };
 
-/// Puts boxes of the detector, where one is given, and keypoints into the frames of a scene. Few
-/// images are held at once; frames that cannot be read have no vehicles.
-/// @param networks  without a segmenter, whose labels of a whole drive would be held at once: else
-///                  std::invalid_argument.
-/// @throws as detect_frames() and find_keypoints() for networks.
+/// Puts boxes of the detector and labels of the segmenter, where one is given, and keypoints into
+/// the frames of a scene. Few images are held at once; frames that cannot be read have no vehicles
+/// and no labels.
+/// @param labels  folder of the label images, made where it is not there; of a segmenter alone.
+/// @throws as detect_frames() and find_keypoints() for networks; OutputError.
 DriveNetworks detect_drive(Scene* scene, const std::vector<int>& frame_ids,
                            const DetectFramesOptions& networks,
-                           const FindKeypointsOptions& keypoints, const Progress& progress = {},
+                           const FindKeypointsOptions& keypoints,
+                           const std::filesystem::path& labels, const Progress& progress = {},
                            const LogSink& warn = {});
 
 }  // namespace camber

@@ -37,13 +37,14 @@ DriveNumber middle(std::vector<double> values) {
   return {median, kSigmaFromMad * upper_median(&values) / std::sqrt(effective)};
 }
 
-void put_mounting(const std::vector<WindowMeasurement>& windows, double common,
-                  DriveDocument* out) {
+void put_mounting(const std::vector<WindowMeasurement>& windows,
+                  const std::map<int, double>& scale_factors, double common, DriveDocument* out) {
   std::vector<double> height, pitch, roll;
   for (const WindowMeasurement& w : windows) {
-    if (!w.ego) continue;
+    const auto factor = scale_factors.find(w.reference);
+    if (!w.ego || factor == scale_factors.end()) continue;
     const OverRoad over = over_road(*w.ego, w.scale_sigma);
-    height.push_back(over.height.value);
+    height.push_back(factor->second * over.height.value);
     pitch.push_back(over.pitch.value);
     roll.push_back(over.roll.value);
   }
@@ -136,7 +137,7 @@ EgoRoads ego_roads(const std::vector<WindowMeasurement>& windows, const Trajecto
     const auto factor = scale_factors.find(w.reference);
     if (!pose || factor == scale_factors.end()) continue;
     known.push_back({place_of(pose), &w, factor->second});
-    out[w.reference] = {*w.ego, w.scale_sigma};
+    out[w.reference] = carried(w, factor->second, *pose, *pose);
   }
   std::size_t next = 0;  // the first at or after a frame
   for (const TrajectoryPose& pose : trajectory.poses) {
@@ -207,14 +208,15 @@ std::vector<Eigen::Vector3d> camera_feet(const Trajectory& trajectory, const Ego
 }
 
 DriveDocument drive_document(const Scene& scene, const Trajectory& trajectory,
-                             const std::vector<WindowMeasurement>& windows, const EgoRoads& roads,
+                             const std::vector<WindowMeasurement>& windows,
+                             const std::map<int, double>& scale_factors, const EgoRoads& roads,
                              const Eigen::Vector3d& up) {
   DriveDocument out;
   out.metric = trajectory.metric;
   out.length = trajectory.whole.length;
   out.length_sigma = trajectory.whole.sigma();
   out.common_sigma = trajectory.common_sigma;
-  put_mounting(windows, trajectory.common_sigma, &out);
+  put_mounting(windows, scale_factors, trajectory.common_sigma, &out);
   for (const Trajectory::Stretch& w : trajectory.windows) {
     out.windows.push_back({w.first, w.last, w.length, w.sigma()});
   }

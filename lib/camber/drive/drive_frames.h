@@ -40,8 +40,10 @@ std::vector<Eigen::Vector3d> camera_feet(const Trajectory& trajectory, const Ego
                                          const DriveDocument& mounting);
 
 /// What drive.json has: lengths, mounting, every frame.
+/// @param scale_factors  as those of ego_roads().
 DriveDocument drive_document(const Scene& scene, const Trajectory& trajectory,
-                             const std::vector<WindowMeasurement>& windows, const EgoRoads& roads,
+                             const std::vector<WindowMeasurement>& windows,
+                             const std::map<int, double>& scale_factors, const EgoRoads& roads,
                              const Eigen::Vector3d& up);
 
 }  // namespace camber

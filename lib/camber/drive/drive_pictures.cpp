@@ -149,6 +149,7 @@ DriveContent drive_content(const Scene& scene, const DriveResult& result,
   out.camera = scene.camera;
   out.title = scene.name;
   for (const DriveTrack& track : result.tracks.tracks) {
+    if (!track.rejected.empty()) continue;
     DriveTrackLine line;
     line.id = track.id;
     line.vehicle_class = track.vehicle_class;

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <map>
 #include <nlohmann/json.hpp>
 #include <utility>
@@ -40,7 +41,7 @@ json header_of(const std::vector<int>& ids, const Options& o) {
           {"no_calibrate", !o.calibrates},
           {"networks",
            {networks.detector, networks.detector_config, networks.keypoints,
-            networks.keypoints_config}},
+            networks.keypoints_config, networks.segmenter, networks.segmenter_config}},
           {"seed", o.drive.window.seed}};
 }
 
@@ -60,9 +61,10 @@ json run_json(const Scene& scene, const Options& o, bool complete) {
 /// What an earlier drive left; nothing else is touched.
 void remove_earlier(const fs::path& folder) {
   std::error_code none;
-  for (const char* name : {"drive.json", "trajectory.tum", "trajectory.gpx", "poses.txt",
-                           "vehicles.json", "tracks.json", "tracks.csv", "strip", "surface",
-                           "plots", "report.html", "film.mp4", "film.pieces", "windows.log"}) {
+  for (const char* name :
+       {"drive.json", "trajectory.tum", "trajectory.gpx", "poses.txt", "vehicles.json",
+        "tracks.json", "tracks.csv", "strip", "surface", "plots", "segmentation", "report.html",
+        "film.mp4", "film.pieces", "windows.log"}) {
     fs::remove_all(folder / name, none);
   }
 }
@@ -116,18 +118,16 @@ class Detection {
         networks_(detect_options(o.networks, o.drive.window.num_threads)),
         keypoints_(keypoint_options(o.networks, o.drive.window.num_threads)) {
     networks_.pixels = keypoints_.pixels = o.drive.window.load.pixels;
-    if (o.networks.segmenter.empty()) return;
-    throw UsageError(
-        "--segmenter: the labels of a whole drive are not computed on the way; camber detect "
-        "--segmenter writes a scene with them");
   }
 
-  void run(const std::vector<int>& ids, const Progress& progress, Scene* scene) {
+  /// @param labels  folder of what a segmenter finds.
+  void run(const std::vector<int>& ids, const fs::path& labels, const Progress& progress,
+           Scene* scene) {
     const bool by_shipped = options_.networks.detector.empty() && !has_boxes(*scene) &&
                             has_images(*scene, ids, networks_.pixels);
     if (by_shipped) networks_.networks.detector = kShippedNetwork;
     const StageTimer timer(time_, "networks");
-    seen_ = detect_drive(scene, ids, networks_, keypoints_, progress, options_.warn);
+    seen_ = detect_drive(scene, ids, networks_, keypoints_, labels, progress, options_.warn);
     if (by_shipped && options_.notice) {
       options_.notice(
           "the scene has no boxes: vehicles are what the shipped detector finds (--detector none "
@@ -207,6 +207,29 @@ json warnings_of(const DriveResult& result, const DriveSurface& road) {
                                         "are bridged",
                                         held)}});
   }
+  const std::size_t rejected = result.tracks.num_rejected();
+  if (rejected > 0) {
+    const auto first =
+        std::find_if(result.tracks.tracks.begin(), result.tracks.tracks.end(),
+                     [](const DriveTrack& track) { return !track.rejected.empty(); });
+    out.push_back(
+        {{"code", "tracks_rejected"},
+         {"text", fmt::format("{} of {} tracks are no vehicles by their size, height above "
+                              "the road or motion, and are left out (tracks.json): track "
+                              "{}, {}{}",
+                              rejected, result.tracks.tracks.size(), first->id, first->rejected,
+                              rejected > 1 ? ", ..." : "")}});
+  }
+  constexpr double kMostSigmas = 3.0;
+  if (result.positions && result.positions->disagreement_sigmas > kMostSigmas) {
+    out.push_back(
+        {{"code", "positions_contradicted"},
+         {"text", fmt::format("by its positions on the map the drive is {:.1f} % {}, {:.1f} "
+                              "standard deviations: its length is known no better",
+                              100.0 * std::abs(std::expm1(result.positions->log_scale)),
+                              result.positions->log_scale > 0.0 ? "longer" : "shorter",
+                              result.positions->disagreement_sigmas)}});
+  }
   for (const RunDocument::Warning& warning : road.run.warnings) {
     out.push_back({{"code", warning.code}, {"text", warning.text}});
   }
@@ -225,7 +248,8 @@ json summary_of(const DriveResult& result) {
           {"camera_height", number_json(drive.height.value)},
           {"camera_height_sigma", number_json(drive.height.sigma)},
           {"cells", result.strip.cells.size()},
-          {"tracks", result.tracks.tracks.size()}};
+          {"tracks", result.tracks.tracks.size() - result.tracks.num_rejected()},
+          {"rejected_tracks", result.tracks.num_rejected()}};
 }
 
 }  // namespace
@@ -256,7 +280,7 @@ DriveOutcome drive_scene(const Scene& given, const fs::path& folder, const Optio
     scene = *calibrated;
     o.manifest = fs::absolute(kept_manifest(folder)).lexically_normal();
   }
-  detection.run(ids, progress, &scene);
+  detection.run(ids, folder / "segmentation", progress, &scene);
   DriveResult result;
   {
     WindowLog log(folder / "windows.log", header, goes_on);

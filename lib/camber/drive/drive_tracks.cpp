@@ -7,6 +7,8 @@
 #include <optional>
 #include <set>
 
+#include "camber/drive/detail/track_rejection.h"
+
 namespace camber {
 namespace {
 
@@ -177,6 +179,54 @@ std::optional<Path> parked_place(const std::vector<Seen>& seen) {
   return plainly ? std::nullopt : stands;
 }
 
+/// Whether a view says where its vehicle is.
+bool is_placed(const Seen& view) {
+  return view.vehicle->status != Status::kNotObservable && view.vehicle->status != Status::kFailed;
+}
+
+/// How high a place is above the ground of a view.
+internal::MeasuredLength height_above(const Seen& view, const Path& stands) {
+  constexpr double kSlope = 0.02;  // rad: how much a road's slope changes within some lengths
+  constexpr double kKerb = 0.15;   // m
+  const Plane& plane = view.vehicle->plane;
+  const SE3 camera_from_world = view.world_from_camera.inverse();
+  const Eigen::Vector3d here = camera_from_world * stands.position;
+  const Eigen::Vector3d normal = view.world_from_camera.rotation() * plane.normal;
+  const double slope = kSlope * (here - view.measured()).norm();
+  internal::MeasuredLength out;
+  out.value = plane.signed_distance(here);
+  out.sigma = std::sqrt(std::pow(view.vehicle->plane_sigma_height, 2) +
+                        normal.dot(stands.covariance * normal) + slope * slope + kKerb * kKerb);
+  return out;
+}
+
+internal::TrackEvidence evidence_of(const DriveTrack& track, const std::vector<Seen>& seen,
+                                    const std::optional<Path>& parked, bool metric) {
+  internal::TrackEvidence out;
+  out.vehicle_class = track.vehicle_class;
+  if (metric) out.dimensions = track.dimensions;
+  out.speed_sigma = kSpeedSigma;
+  if (parked) {
+    out.log_factor = parked->log_factor;
+    out.log_factor_sigma = kSizeSigma;
+    for (const Seen& view : seen) {
+      if (is_placed(view)) out.heights.push_back(height_above(view, *parked));
+    }
+  }
+  if (!metric) return out;
+  for (const Seen& view : seen) {
+    if (!is_placed(view)) continue;
+    const Eigen::Matrix3d turn = view.world_from_camera.rotation_matrix();
+    const Eigen::Vector3d along = kOwnRange * view.measured();
+    const Eigen::Matrix3d covariance = view.information.inverse() + along * along.transpose();
+    out.places.push_back({view.time, view.world_from_camera * view.measured(),
+                          turn * covariance * turn.transpose()});
+  }
+  std::stable_sort(out.places.begin(), out.places.end(),
+                   [](const auto& a, const auto& b) { return a.time_s < b.time_s; });
+  return out;
+}
+
 Eigen::Matrix3d information_of(const VehicleEstimate& v) {
   Eigen::Matrix3d covariance = v.covariance.topLeftCorner<3, 3>();
   if (!covariance.allFinite() || !(covariance.trace() > 0.0)) {
@@ -222,8 +272,13 @@ Eigen::Quaterniond mean_rotation(const std::vector<Seen>& seen) {
 
 }  // namespace
 
+std::size_t DriveTracks::num_rejected() const {
+  return static_cast<std::size_t>(std::count_if(
+      tracks.begin(), tracks.end(), [](const DriveTrack& t) { return !t.rejected.empty(); }));
+}
+
 DriveTracks join_tracks(const std::vector<WindowMeasurement>& windows, const Trajectory& trajectory,
-                        const std::map<int, double>& time_of) {
+                        const std::map<int, double>& time_of, const VehiclePrior* prior) {
   DriveTracks out;
   TrackSets sets;
   for (const WindowMeasurement& window : windows) {
@@ -263,6 +318,10 @@ DriveTracks join_tracks(const std::vector<WindowMeasurement>& windows, const Tra
     track.parked = parked.has_value();
     const Eigen::Quaterniond heading = mean_rotation(seen);
     if (parked) track.covariance = parked->covariance;
+    if (seen.size() >= 3) {
+      track.rejected = internal::why_no_vehicle(evidence_of(track, seen, parked, trajectory.metric),
+                                                prior ? *prior : shipped_vehicle_prior());
+    }
     for (const Seen& view : seen) {
       VehicleEstimate v = *view.vehicle;
       v.track = track.id;
@@ -279,6 +338,10 @@ DriveTracks join_tracks(const std::vector<WindowMeasurement>& windows, const Tra
         v.covariance.block<3, 6>(0, 3).setZero();
         v.covariance.block<6, 3>(3, 0).setZero();
         v.plane = Plane::through(moved.translation(), v.plane.normal);
+      }
+      if (!track.rejected.empty()) {
+        v.status = Status::kFailed;
+        v.reason = "no vehicle by its track: " + track.rejected;
       }
       track.views.push_back({view.frame, v.id, view.time, world_from_vehicle});
       answers.emplace(Detection{view.frame, v.id}, std::move(v));

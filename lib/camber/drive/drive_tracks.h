@@ -12,6 +12,8 @@
 
 namespace camber {
 
+struct VehiclePrior;
+
 /// One vehicle over a whole drive.
 struct DriveTrack {
   int id = 0;  ///< from 1 in order of appearance
@@ -26,20 +28,26 @@ struct DriveTrack {
   Dimensions dimensions;    ///< one for all views
   /// Of the position in the world (m), of a parked one.
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
+  std::string rejected;  ///< why it is no vehicle; empty: it may be one
 };
 
 struct DriveTracks {
   std::vector<DriveTrack> tracks;
-  /// Every estimate, frame by frame, with its track and moved to where the track has it.
+  /// Every estimate, frame by frame, with its track and moved to where the track has it; those of
+  /// a rejected one are failed, with the reason.
   VehicleDocument vehicles;
+
+  std::size_t num_rejected() const;
 };
 
 /// Joins the vehicles of windows into tracks: detections that a window takes for one vehicle are
 /// one, never two of one frame. Parked ones have one place in the world, by all their views; a
-/// moving one keeps its own estimates with the size of all.
+/// moving one keeps its own estimates with the size of all. A track of three views or more whose
+/// size, height above the road or motion no vehicle has is rejected.
 /// @param windows   in the order of their references.
 /// @param time_of   s, by frame id.
+/// @param prior     not owned; nullptr: the shipped one.
 DriveTracks join_tracks(const std::vector<WindowMeasurement>& windows, const Trajectory& trajectory,
-                        const std::map<int, double>& time_of);
+                        const std::map<int, double>& time_of, const VehiclePrior* prior = nullptr);
 
 }  // namespace camber

@@ -61,6 +61,9 @@ class Measurer {
     window_options_.num_threads =
         std::max(1, resolve_num_threads(options.window.num_threads) / at_once_);
     window_options_ = handed_down(window_options_);
+    road_options_ = window_options_;
+    road_options_.rounds = std::min(kRoadRounds, road_options_.rounds);
+    road_options_.photometric = false;
   }
 
   void run() {
@@ -178,6 +181,13 @@ class Measurer {
     bool whole = true;  // false: the motion alone
   };
 
+  /// Where vehicles are to be placed, all that a few frames give; a road that its neighbours
+  /// measure as well is known from one round of matches (docs/notes/drives.md).
+  const ReconstructOptions& options_of(const PendingWindow& window) const {
+    return has_vehicles(window.frames[window.reference]->frame.id) ? window_options_
+                                                                   : road_options_;
+  }
+
   void pend(PendingWindow window) {
     pending_.push_back(std::move(window));
     if (pending_.size() >= static_cast<std::size_t>(at_once_)) measure_pending();
@@ -194,7 +204,7 @@ class Measurer {
     parallel_for(pending_.size(), at_once_, [&](std::size_t i) {
       const PendingWindow& w = pending_[i];
       measured[i] =
-          w.whole ? measure_window(scene_, w.frames, w.reference, window_options_, options_.samples,
+          w.whole ? measure_window(scene_, w.frames, w.reference, options_of(w), options_.samples,
                                    &timings[i])
                   : measure_motion(scene_, w.frames, w.reference, window_options_, &timings[i]);
     });
@@ -232,11 +242,12 @@ class Measurer {
   const Scene& scene_;
   const std::vector<int>& ids_;
   const DriveOptions& options_;
-  ReconstructOptions window_options_;
+  ReconstructOptions window_options_, road_options_;
   WindowLog& log_;
   Timings& timings_;
   const Progress& progress_;
   static constexpr int kMostAtOnce = 4;
+  static constexpr int kRoadRounds = 1;
   int at_once_;  // windows
   std::vector<PendingWindow> pending_;
   FrameCache cache_;

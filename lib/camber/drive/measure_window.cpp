@@ -76,14 +76,21 @@ std::vector<RoadSample> road_samples(const WindowEstimate& window, const Uncerta
   return out;
 }
 
-void put_metres(const Scene& scene, const RunDocument& run, WindowMeasurement* out) {
+/// What contradicts a camera in every window counts in each window's weight, too: it may be this
+/// window's alone.
+void put_metres(const WindowEstimate& window, WindowMeasurement* out) {
+  const RunDocument& run = window.assembled.run;
   out->metric = run.metric;
   out->log_scale = std::log(run.scale);
-  const double common =
-      scene.height_above_road ? scene.height_sigma / *scene.height_above_road : 0.0;
-  out->common_scale_sigma = run.metric ? common : 0.0;
-  out->scale_sigma = std::sqrt(std::max(
-      run.scale_sigma * run.scale_sigma - out->common_scale_sigma * out->common_scale_sigma, 0.0));
+  double common = 0.0;
+  for (const CommonError& error : window.judged.road.shared().common) {
+    common += std::pow(error.by[error.by.size() - 1], 2);
+  }
+  // Beside what was judged: the camera's intrinsics.
+  common += std::max(0.0, std::pow(run.scale_sigma, 2) - std::pow(window.judged.scale.sigma, 2));
+  out->scale_sigma = std::sqrt(std::max(std::pow(run.scale_sigma, 2) - common, 0.0));
+  common += window.judged.common_contradiction_variance;
+  out->common_scale_sigma = run.metric ? std::sqrt(common) : 0.0;
   if (run.scale_status != Status::kOk) out->reason = run.scale_reason;
 }
 
@@ -129,10 +136,9 @@ WindowMeasurement measure_window(
   try {
     const WindowEstimate window =
         estimate_window(scene, stages::frame_window(scene, frames, reference), options, run);
-    const RunDocument& document = window.assembled.run;
     WindowMeasurement out = of_frames(window.road.frames);
     put_motion(window.refined.motion, &out);
-    put_metres(scene, document, &out);
+    put_metres(window, &out);
     out.ego = window.assembled.surface.patches.front().plane;
     out.road = road_samples(window, *out.ego, samples);
     put_vehicles(window, &out);

@@ -5,12 +5,14 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <optional>
 #include <stdexcept>
 #include <utility>
 
 #include "camber/core/errors.h"
 #include "camber/drive/drive_frames.h"
 #include "camber/drive/measure_drive.h"
+#include "camber/drive/position_scale.h"
 #include "camber/pipeline/stage_runner.h"
 
 namespace camber {
@@ -107,6 +109,25 @@ void require_motion(const std::vector<WindowMeasurement>& windows) {
   throw NoAnswerError("no motion in any window of the drive: " + windows.front().reason);
 }
 
+/// The trajectory by the windows, and, where the scene has positions on a map, by these as well.
+Trajectory smooth_on_map(const Scene& scene, const std::vector<int>& frame_ids,
+                         const std::vector<WindowMeasurement>& windows,
+                         const TrajectoryNoise& noise, std::optional<DrivePositions>* used) {
+  const std::vector<double> times = frame_times(scene, frame_ids);
+  Trajectory alone = smooth_trajectory(frame_ids, windows, noise, times);
+  bool by_gravity = false;
+  DriveOnMap map;
+  map.positions = map_positions(scene, frame_ids, drive_up(scene, alone, windows, &by_gravity));
+  const std::optional<PositionScale> scale = scale_by_positions(alone, map.positions);
+  if (!scale) return alone;
+  const JoinedScale joined = joined_scale(alone, *scale);
+  *used = DrivePositions{static_cast<int>(map.positions.at.size()), scale->log_scale, scale->sigma,
+                         joined.disagreement_sigmas};
+  map.log_scale = joined.log_scale;
+  map.common_sigma = joined.common_sigma;
+  return smooth_trajectory(frame_ids, windows, noise, times, &map);
+}
+
 void name_skipped_frames(const std::vector<FrameRecord>& records, Trajectory* trajectory) {
   std::map<int, const FrameRecord*> skipped;
   for (const FrameRecord& record : records) {
@@ -145,13 +166,14 @@ DriveResult run_drive(const Scene& scene, const std::vector<int>& frame_ids,
   std::vector<WindowMeasurement> windows = windows_without_roads(*log);
   require_motion(windows);
   out.trajectory = run("motion", 0.95, [&] {
-    return smooth_trajectory(frame_ids, windows, options.noise, frame_times(scene, frame_ids));
+    return smooth_on_map(scene, frame_ids, windows, options.noise, &out.positions);
   });
   name_skipped_frames(log->frames(), &out.trajectory);
   const std::map<int, double> factors = scale_factors(out.trajectory, windows);
   const EgoRoads roads = ego_roads(windows, out.trajectory, factors);
   out.up = drive_up(scene, out.trajectory, windows, &out.level_by_gravity);
-  out.document = drive_document(scene, out.trajectory, windows, roads, out.up);
+  out.document = drive_document(scene, out.trajectory, windows, factors, roads, out.up);
+  out.document.positions = out.positions;
   out.strip = run("surface", 0.97, [&] {
     return strip_of(*log, out.trajectory, factors, out.up,
                     camera_feet(out.trajectory, roads, out.document), options.strip);
@@ -163,7 +185,7 @@ DriveResult run_drive(const Scene& scene, const std::vector<int>& frame_ids,
     }
     std::map<int, double> times;
     for (const DriveFrame& frame : out.document.frames) times[frame.id] = frame.time_s;
-    return join_tracks(windows, out.trajectory, times);
+    return join_tracks(windows, out.trajectory, times, options.window.vehicles.fit.prior);
   });
   out.tracks.vehicles.detections_source = scene.detections_source;
   if (progress) progress("vehicles", 1.0);

@@ -1,6 +1,7 @@
 #include "camber/drive/trajectory.h"
 
 #include <Eigen/Cholesky>
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -30,10 +31,11 @@ struct Bridge {
 class Smoother {
  public:
   Smoother(const std::vector<int>& ids, const std::vector<WindowMeasurement>& windows,
-           const TrajectoryNoise& noise, const std::vector<double>& times)
+           const TrajectoryNoise& noise, const std::vector<double>& times, const DriveOnMap* map)
       : ids_(ids),
         noise_(noise),
         times_(times),
+        map_(map),
         measured_(detail::measurements_of(ids, windows, noise)) {
     poses_.resize(ids.size());
     joined_.assign(ids.size(), false);
@@ -86,9 +88,12 @@ class Smoother {
   }
 
   void start() {
+    metric_ = map_ != nullptr;
     for (const Measurement& m : measured_) metric_ = metric_ || (m.votes && m.window->metric);
     const std::vector<double> scale = detail::start_scales(measured_, noise_);
-    for (std::size_t i = 0; i < measured_.size(); ++i) scales_[measured_[i].place()] = scale[i];
+    for (std::size_t i = 0; i < measured_.size(); ++i) {
+      scales_[measured_[i].place()] = scale[i] + by_map();
+    }
     std::vector<const Measurement*> joining(ids_.size(), nullptr);  // a frame and the one before
     for (const Measurement& m : measured_) {
       for (std::size_t k = 1; k < m.at.size(); ++k) {
@@ -158,14 +163,97 @@ class Smoother {
     residuals_.clear();
     const bool voted = std::any_of(measured_.begin(), measured_.end(),
                                    [](const Measurement& m) { return m.votes; });
-    if (!voted && !measured_.empty()) {  // lengths in the first window's baselines
+    if (!voted && !map_ && !measured_.empty()) {  // lengths in the first window's baselines
       const Eigen::Index at = kBlock * static_cast<Eigen::Index>(measured_.front().place()) + kPose;
       normal_.at(at, at) += 1e12;
     }
     for (const Measurement& m : measured_) add(m, robust);
     for (const Bridge& bridge : bridges_) add(bridge);
+    if (map_) add_positions(robust);
     if (!metric_ || times_.size() != ids_.size()) return;
     for (std::size_t k = 1; k + 1 < ids_.size(); ++k) add_speeds(k, robust);
+  }
+
+  double by_map() const { return map_ ? map_->log_scale : 0.0; }
+
+  /// Errors of positions last: so many of them count as one.
+  double alike_positions() const {
+    const std::vector<MapPositions::At>& at = map_->positions.at;
+    if (at.size() < 2 || times_.size() != ids_.size()) return 1.0;
+    const double span = times_[at.back().place] - times_[at.front().place];
+    if (!(span > 0.0)) return 1.0;
+    return std::max(1.0, noise_.position_correlation * static_cast<double>(at.size() - 1) / span);
+  }
+
+  Eigen::Vector3d antenna_in_level(const MapPositions::At& at) const {
+    const MapPositions& p = map_->positions;
+    return p.level_from_world * (poses_[at.place] * p.antenna);
+  }
+
+  /// The map's frame by the positions and their places in the trajectory, weights as given.
+  SE3 map_from_level(const std::vector<double>& weights) const {
+    const std::vector<MapPositions::At>& at = map_->positions.at;
+    Eigen::Vector3d run = Eigen::Vector3d::Zero(), on_map = Eigen::Vector3d::Zero();
+    double total = 0.0, total_height = 0.0;
+    for (std::size_t i = 0; i < at.size(); ++i) {
+      const double w = weights[i] / (at[i].sigma * at[i].sigma);
+      const double h = weights[i] / (at[i].height_sigma * at[i].height_sigma);
+      const Eigen::Vector3d p = antenna_in_level(at[i]);
+      const Eigen::Vector3d q = at[i].position - at.front().position;
+      run += Eigen::Vector3d(w * p.x(), w * p.y(), h > 0.0 ? h * p.z() : 0.0);
+      on_map += Eigen::Vector3d(w * q.x(), w * q.y(), h > 0.0 ? h * q.z() : 0.0);
+      total += w;
+      total_height += h;
+    }
+    const Eigen::Vector3d per(1.0 / total, 1.0 / total,
+                              total_height > 0.0 ? 1.0 / total_height : 0.0);
+    run = run.cwiseProduct(per);
+    on_map = on_map.cwiseProduct(per);
+    if (total_height > 0.0) {
+      on_map.z() += at.front().position.z();
+    }
+    on_map.head<2>() += at.front().position.head<2>();
+    double along = 0.0, across = 0.0;
+    for (std::size_t i = 0; i < at.size(); ++i) {
+      const double w = weights[i] / (at[i].sigma * at[i].sigma);
+      const Eigen::Vector2d p = (antenna_in_level(at[i]) - run).head<2>();
+      const Eigen::Vector2d q = (at[i].position - on_map).head<2>();
+      along += w * p.dot(q);
+      across += w * (p.x() * q.y() - p.y() * q.x());
+    }
+    const Eigen::Quaterniond turn(
+        Eigen::AngleAxisd(std::atan2(across, along), Eigen::Vector3d::UnitZ()));
+    return {turn, on_map - turn * run};
+  }
+
+  /// Antennas are where their positions say, with the map's frame as it fits best by now.
+  void add_positions(bool robust) {
+    const MapPositions& p = map_->positions;
+    if (p.at.size() < 2) return;
+    position_weights_.resize(p.at.size(), 1.0);
+    const SE3 map_from_level = this->map_from_level(position_weights_);
+    const Eigen::Matrix3d turn = map_from_level.rotation_matrix() * p.level_from_world;
+    const double alike = alike_positions();
+    for (std::size_t i = 0; i < p.at.size(); ++i) {
+      const MapPositions::At& at = p.at[i];
+      Eigen::Vector3d off = map_from_level * antenna_in_level(at) - at.position;
+      Eigen::Vector3d information(1.0 / (at.sigma * at.sigma), 1.0 / (at.sigma * at.sigma),
+                                  1.0 / (at.height_sigma * at.height_sigma));
+      if (!(information.z() > 0.0)) off.z() = 0.0;
+      const double squared = off.cwiseProduct(information).dot(off);
+      position_weights_[i] = student_weight(squared, 3.0, noise_.motion_freedom);
+      information *= (robust ? std::min(1.0, position_weights_[i]) : 1.0) / alike;
+      const Eigen::Matrix3d of_pose = turn * poses_[at.place].rotation_matrix();
+      Eigen::Matrix<double, 3, 6> by;
+      by.leftCols<3>() = -of_pose * skew(p.antenna);
+      by.rightCols<3>() = of_pose;
+      const Eigen::Matrix<double, 6, 6> own = by.transpose() * information.asDiagonal() * by;
+      const auto place = kBlock * static_cast<Eigen::Index>(at.place);
+      right_.segment<6>(place) -= by.transpose() * information.asDiagonal() * off;
+      for (Eigen::Index a = 0; a < kPose; ++a) {
+        for (Eigen::Index b = 0; b <= a; ++b) normal_.at(place + a, place + b) += own(a, b);
+      }
+    }
   }
 
   /// A speed that is a random walk: those of the steps before and after a frame differ little.
@@ -250,7 +338,7 @@ class Smoother {
     const Eigen::Index at = kBlock * static_cast<Eigen::Index>(m.place()) + kPose;
     if (!w.log_scale) return;
     const double variance = variance_of(w);
-    const double off = scales_[m.place()] - *w.log_scale;
+    const double off = scales_[m.place()] - *w.log_scale - by_map();
     const double weight = student_weight(off * off / variance, 1.0, noise_.scale_freedom);
     weights_[m.place()] = std::min(1.0, weight);
     residuals_[m.place()] = off / std::sqrt(variance);
@@ -372,10 +460,7 @@ class Smoother {
 
   Trajectory handed_out() const {
     Trajectory out;
-    double common = 0.0;
-    for (const Measurement& m : measured_) {
-      common = std::max(common, m.window->common_scale_sigma);
-    }
+    const double common = map_ ? map_->common_sigma : detail::common_sigma(measured_);
     out.metric = metric_;
     out.common_sigma = common;
     const SymmetricBand covariance = factor_.inverse_in_band();
@@ -411,6 +496,7 @@ class Smoother {
   const std::vector<int>& ids_;
   const TrajectoryNoise& noise_;
   const std::vector<double>& times_;  // s
+  const DriveOnMap* map_;
   bool metric_ = false;
   double scale_variance_ = 1.0;  // see variance_of_unit_weight
   std::vector<Measurement> measured_;
@@ -422,6 +508,7 @@ class Smoother {
   Eigen::VectorXd right_;
   BandedLdlt factor_;
   std::map<std::size_t, double> weights_, residuals_;
+  std::vector<double> position_weights_;
 };
 
 }  // namespace
@@ -437,9 +524,10 @@ const TrajectoryPose* Trajectory::find(int frame) const {
 
 Trajectory smooth_trajectory(const std::vector<int>& frame_ids,
                              const std::vector<WindowMeasurement>& windows,
-                             const TrajectoryNoise& noise, const std::vector<double>& times) {
+                             const TrajectoryNoise& noise, const std::vector<double>& times,
+                             const DriveOnMap* map) {
   if (frame_ids.empty()) return {};
-  return Smoother(frame_ids, windows, noise, times).solve();
+  return Smoother(frame_ids, windows, noise, times, map).solve();
 }
 
 }  // namespace camber

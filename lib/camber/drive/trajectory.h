@@ -36,6 +36,27 @@ struct TrajectoryNoise {
   /// random walk (Bar-Shalom, Li, Kirubarajan, "Estimation with Applications to Tracking and
   /// Navigation", 2001, section 6.2.2). 0.7 m/s^2 that lasts for 2 s.
   double acceleration_density = 2.0;
+  /// s: errors of a GNSS receiver's positions last so long (assumed), > 0.
+  double position_correlation = 10.0;
+};
+
+/// Positions of a GNSS receiver along a drive, on a map in metres (east, north, height).
+struct MapPositions {
+  struct At {
+    std::size_t place = 0;  ///< of the frame among those of the drive
+    Eigen::Vector3d position = Eigen::Vector3d::Zero();
+    double sigma = 0.0, height_sigma = 0.0;  ///< m; of each plan coordinate; infinite: no height
+  };
+  std::vector<At> at;                                              ///< by ascending places
+  Eigen::Vector3d antenna = Eigen::Vector3d::Zero();               ///< m, camera frame
+  Eigen::Matrix3d level_from_world = Eigen::Matrix3d::Identity();  ///< z is the map's
+};
+
+/// What a map knows of a drive.
+struct DriveOnMap {
+  MapPositions positions;
+  double log_scale = 0.0;     ///< logarithm by which the windows' own lengths are too short
+  double common_sigma = 0.0;  ///< relative, once that is known: of what all windows share
 };
 
 struct TrajectoryPose {
@@ -86,9 +107,12 @@ struct Trajectory {
 /// @param frame_ids  every frame taken, ascending.
 /// @param windows    in the order of their references.
 /// @param times      s, of every frame; empty: nothing is known of speeds.
+/// @param map        positions hold the trajectory where it would drift; how the map lies in the
+///                   world (a turn about the vertical and a shift) is estimated, too. Null: none.
 Trajectory smooth_trajectory(const std::vector<int>& frame_ids,
                              const std::vector<WindowMeasurement>& windows,
                              const TrajectoryNoise& noise = {},
-                             const std::vector<double>& times = {});
+                             const std::vector<double>& times = {},
+                             const DriveOnMap* map = nullptr);
 
 }  // namespace camber

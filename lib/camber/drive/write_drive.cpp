@@ -103,6 +103,8 @@ json to_json(const DriveTracks& tracks) {
     out.push_back({{"id", track.id},
                    {"class", track.vehicle_class},
                    {"motion", track.parked ? "parked" : "moving"},
+                   {"status", track.rejected.empty() ? "ok" : "rejected"},
+                   {"reason", track.rejected},
                    {"dimensions", {{"length", d.length}, {"width", d.width}, {"height", d.height}}},
                    {"views", std::move(views)}});
   }
@@ -135,6 +137,7 @@ void write_drive(const DriveResult& result, const DriveSurface& road, const Road
   write_file_atomically(folder / "tracks.csv", [&](std::ostream& out) {
     out << "track,class,motion,frame,time_s,x,y,z\n";
     for (const DriveTrack& track : result.tracks.tracks) {
+      if (!track.rejected.empty()) continue;
       for (const DriveTrack::View& view : track.views) {
         const Eigen::Vector3d t = view.world_from_vehicle.translation();
         out << fmt::format("{},{},{},{},{:.6f},{:.4f},{:.4f},{:.4f}\n", track.id,

@@ -4,6 +4,9 @@
 #include <Eigen/LU>
 #include <algorithm>
 #include <cmath>
+#include <stdexcept>
+#include <tuple>
+#include <utility>
 
 #include "camber/core/threads.h"
 
@@ -43,75 +46,95 @@ struct SiteRowsMaker::Near {
 
 SiteRowsMaker::SiteRowsMaker(const SiteGrid& grid, std::size_t first, std::size_t rows,
                              const SiteRasterOptions& options)
-    : grid_(grid), options_(options), first_(first), rows_(rows) {
-  reach_ = options.reach / grid.cell;
-  const auto beside = static_cast<std::size_t>(std::ceil(2.0 * reach_)) + 1;
-  stored_first_ = first - std::min(first, beside);
-  stored_rows_ = std::min(grid.rows, first + rows + beside) - stored_first_;
-  const std::size_t cells = stored_rows_ * grid.columns;
+    : SiteRowsMaker(grid, {first, 0, rows, grid.columns}, options) {}
+
+SiteRowsMaker::SiteRowsMaker(const SiteGrid& grid, const SiteWindow& window,
+                             const SiteRasterOptions& options)
+    : options_(options), window_(window), cell_(grid.cell), reach_(options.reach / grid.cell) {
+  const std::size_t beside = margin(grid.cell, options);
+  const auto widen = [&](std::size_t first, std::size_t count, std::size_t all) {
+    const std::size_t low = first - std::min(first, beside);
+    return std::make_pair(low, std::min(all, first + count + beside) - low);
+  };
+  std::tie(stored_.row, stored_.rows) = widen(window.row, window.rows, grid.rows);
+  std::tie(stored_.column, stored_.columns) = widen(window.column, window.columns, grid.columns);
+  // The grid's corners are multiples of the cell.
+  west_ = std::round(grid.west / cell_) + static_cast<double>(stored_.column);
+  north_ = std::round(grid.north / cell_) - static_cast<double>(stored_.row);
+  const std::size_t cells = stored_.rows * stored_.columns;
+  if (cells > std::numeric_limits<std::uint32_t>::max()) {
+    throw std::invalid_argument("SiteRowsMaker: found 2^32 cells or more, expected fewer");
+  }
   surface_.assign(cells, kNone);
   points_.assign(cells, 0);
+}
+
+std::size_t SiteRowsMaker::margin(double cell, const SiteRasterOptions& options) {
+  return static_cast<std::size_t>(std::ceil(2.0 * options.reach / cell)) + 1;
 }
 
 std::size_t SiteRowsMaker::bytes_of_row(const SiteGrid& grid) {
   return grid.columns * (sizeof(std::size_t) + 2 * sizeof(float) + 6 * sizeof(float));
 }
 
-std::size_t SiteRowsMaker::bytes_of_point() { return 2 * sizeof(GroundPoint); }
+std::size_t SiteRowsMaker::bytes_of_point() {
+  return 2 * sizeof(GroundPoint) + sizeof(std::uint32_t);
+}
 
 void SiteRowsMaker::add(const Vector3d& point, bool ground) {
-  const double x = (point.x() - grid_.west) / grid_.cell;
-  const double y = (grid_.north - point.y()) / grid_.cell - static_cast<double>(stored_first_);
-  if (!(y >= 0.0 && y < static_cast<double>(stored_rows_) && x >= 0.0 &&
-        x < static_cast<double>(grid_.columns))) {
+  // Cells are counted from zero, and places from the cell: alike in every grid.
+  const double x = point.x() / cell_, y = point.y() / cell_;
+  const double left = std::floor(x), bottom = std::floor(y);
+  const double column = left - west_, row = north_ - 1.0 - bottom;
+  if (!(row >= 0.0 && row < static_cast<double>(stored_.rows) && column >= 0.0 &&
+        column < static_cast<double>(stored_.columns))) {
     return;
   }
-  const std::size_t at = static_cast<std::size_t>(y) * grid_.columns + static_cast<std::size_t>(x);
+  const std::size_t at =
+      static_cast<std::size_t>(row) * stored_.columns + static_cast<std::size_t>(column);
   ++points_[at];
   const float height = static_cast<float>(point.z());
   if (!(surface_[at] >= height)) surface_[at] = height;
   if (!ground) return;
-  if (std::isnan(level_)) level_ = point.z();
-  ground_.push_back(
-      {static_cast<float>(x), static_cast<float>(y), static_cast<float>(point.z() - level_)});
+  cell_of_.push_back(static_cast<std::uint32_t>(at));
+  ground_.push_back({static_cast<float>(x - left), static_cast<float>(y - bottom), point.z()});
 }
 
-/// A counting sort, which leaves the order within a cell.
+/// A counting sort.
 void SiteRowsMaker::sort_by_cell() {
-  const auto cell_of = [&](const GroundPoint& p) {
-    const std::size_t column = std::min(static_cast<std::size_t>(p.x), grid_.columns - 1);
-    return std::min(static_cast<std::size_t>(p.y), stored_rows_ - 1) * grid_.columns + column;
-  };
-  start_.assign(stored_rows_ * grid_.columns + 1, 0);
-  for (const GroundPoint& p : ground_) ++start_[cell_of(p) + 1];
+  start_.assign(stored_.rows * stored_.columns + 1, 0);
+  for (const std::uint32_t cell : cell_of_) ++start_[cell + std::size_t{1}];
   for (std::size_t c = 1; c < start_.size(); ++c) start_[c] += start_[c - 1];
   std::vector<GroundPoint> sorted(ground_.size());
-  for (const GroundPoint& p : ground_) sorted[start_[cell_of(p)]++] = p;
+  for (std::size_t i = 0; i < ground_.size(); ++i) sorted[start_[cell_of_[i]]++] = ground_[i];
   for (std::size_t c = start_.size() - 1; c > 0; --c) start_[c] = start_[c - 1];
   start_[0] = 0;
   ground_ = std::move(sorted);
+  cell_of_ = {};
 }
 
 /// The points that count for a cell, nearest first. @return whether it lies within reach of one
 bool SiteRowsMaker::find_near(std::size_t row, std::size_t column, std::vector<Near>& near) const {
   constexpr double kAll = 0.7;     // cells
   constexpr double kAcross = 1.5;  // of the nearest one's distance: all around a hole
-  const double x = static_cast<double>(column) + 0.5, y = static_cast<double>(row) + 0.5;
   const auto most = static_cast<std::size_t>(std::ceil(2.0 * reach_));
   near.clear();
   bool enough = false;
   for (std::size_t ring = 0; ring <= most && !enough; ++ring) {
     const auto low = [&](std::size_t i) { return i - std::min(i, ring); };
-    const std::size_t last_row = std::min(stored_rows_ - 1, row + ring),
-                      last_column = std::min(grid_.columns - 1, column + ring);
+    const std::size_t last_row = std::min(stored_.rows - 1, row + ring),
+                      last_column = std::min(stored_.columns - 1, column + ring);
     for (std::size_t r = low(row); r <= last_row; ++r) {
       const bool whole = r + ring == row || r == row + ring;
       for (std::size_t c = low(column); c <= last_column; ++c) {
         if (!whole && c + ring != column && c != column + ring) continue;
-        const std::size_t at = r * grid_.columns + c;
+        const std::size_t at = r * stored_.columns + c;
+        // Of the cell's corner from the centre.
+        const double east = static_cast<double>(c) - static_cast<double>(column) - 0.5;
+        const double south = static_cast<double>(r) - static_cast<double>(row) + 0.5;
         for (std::size_t k = start_[at]; k < start_[at + 1]; ++k) {
           const GroundPoint& p = ground_[k];
-          const double dx = double{p.x} - x, dy = double{p.y} - y;
+          const double dx = east + double{p.east}, dy = south - double{p.north};
           near.push_back({dx, dy, p.z, dx * dx + dy * dy});
         }
       }
@@ -127,8 +150,10 @@ bool SiteRowsMaker::find_near(std::size_t row, std::size_t column, std::vector<N
     }
     enough = inside >= kNearest && kAcross * kAcross * nearest <= seen * seen;
   }
-  std::sort(near.begin(), near.end(),
-            [](const Near& a, const Near& b) { return a.square < b.square; });
+  // Whichever of several at one distance are taken, and in which order: the same everywhere.
+  std::sort(near.begin(), near.end(), [](const Near& a, const Near& b) {
+    return std::tie(a.square, a.x, a.y, a.z) < std::tie(b.square, b.x, b.y, b.z);
+  });
   if (near.size() < kFewest || near.front().square > reach_ * reach_) return false;
   std::size_t count = std::min(near.size(), kNearest);
   const double all = std::max(kAll * kAll, kAcross * kAcross * near.front().square);
@@ -205,6 +230,8 @@ SiteRowsMaker::Answer SiteRowsMaker::answer(std::size_t row, std::size_t column,
   constexpr double kThinnest = 0.02;  // of the square of that distance, across a line
   Answer out;
   if (!find_near(row, column, near)) return out;
+  const double level = near.front().z;
+  for (Near& p : near) p.z -= level;
   const double square = 1.1 * near.back().square;
   std::vector<double> weights;
   double sum = 0.0;
@@ -225,7 +252,7 @@ SiteRowsMaker::Answer SiteRowsMaker::answer(std::size_t row, std::size_t column,
   const double aside = mean.norm() / std::sqrt(square);
   if (thin < kThinnest * square || aside > kBeside) return out;
   const auto take = [&](const auto& fitted) {
-    out.height = level_ + fitted.found(0);
+    out.height = level + fitted.found(0);
     out.slope_x = fitted.found(1);
     out.slope_y = fitted.found(2);
     out.sigma = fitted.sigma;
@@ -242,22 +269,22 @@ SiteRowsMaker::Answer SiteRowsMaker::answer(std::size_t row, std::size_t column,
 SiteRows SiteRowsMaker::finish() {
   sort_by_cell();
   SiteRows out;
-  out.first = first_;
-  out.rows = rows_;
-  const std::size_t columns = grid_.columns;
+  out.window = window_;
+  const std::size_t columns = window_.columns;
   for (std::vector<float>* band :
        {&out.ground, &out.surface, &out.slopes, &out.sigmas, &out.points, &out.shades}) {
-    band->assign(rows_ * columns, kNone);
+    band->assign(window_.rows * columns, kNone);
   }
-  const double rise = options_.height_per_length / grid_.cell;
-  parallel_for(rows_, options_.num_threads, [&](std::size_t row) {
+  const double rise = options_.height_per_length / cell_;
+  parallel_for(window_.rows, options_.num_threads, [&](std::size_t row) {
     std::vector<Near> near;
-    const std::size_t stored = row + first_ - stored_first_;
+    const std::size_t stored = row + window_.row - stored_.row;
     for (std::size_t column = 0; column < columns; ++column) {
-      const std::size_t at = row * columns + column, from = stored * columns + column;
+      const std::size_t beside = column + window_.column - stored_.column;
+      const std::size_t at = row * columns + column, from = stored * stored_.columns + beside;
       out.points[at] = static_cast<float>(points_[from]);
       out.surface[at] = surface_[from];
-      const Answer found = answer(stored, column, near);
+      const Answer found = answer(stored, beside, near);
       if (std::isnan(found.height)) continue;
       const double east = found.slope_x * rise, north = -found.slope_y * rise;
       out.ground[at] = static_cast<float>(found.height);

@@ -33,9 +33,15 @@ struct SiteRasterOptions {
   int num_threads = 0;             ///< <= 0: see resolve_num_threads
 };
 
+/// A rectangle of a grid's cells.
+struct SiteWindow {
+  std::size_t row = 0, column = 0;  ///< first ones
+  std::size_t rows = 0, columns = 0;
+};
+
 /// Some rows of a site's raster, row by row; NaN: not known.
 struct SiteRows {
-  std::size_t first = 0, rows = 0;
+  SiteWindow window;
   std::vector<float> ground;   ///< height of the ground in the cell's centre, units of z
   std::vector<float> surface;  ///< greatest height of a point in the cell, units of z
   std::vector<float> slopes;   ///< rad, steepest, of the ground
@@ -53,11 +59,18 @@ struct SiteRows {
 /// weights (1 - (d / h)^2)^2, Cleveland and Devlin 1988); of a plane where they lie on one side or
 /// are few. Standard deviations are those of its height for the scatter of its points, which are
 /// taken as independent of each other.
+///
+/// A cell's numbers hang on the points within margin() beside it, and on nothing else: not on their
+/// order, nor on the grid that it is a cell of, bit for bit, as long as cells are of one size.
 class SiteRowsMaker {
  public:
-  /// @param first, rows  of the grid, which is to outlive the maker
+  /// Whole rows. @param grid  is to outlive the maker
   SiteRowsMaker(const SiteGrid& grid, std::size_t first, std::size_t rows,
                 const SiteRasterOptions& options);
+  /// A part of the grid. @throws std::invalid_argument for 2^32 cells or more with their margin
+  SiteRowsMaker(const SiteGrid& grid, const SiteWindow& window, const SiteRasterOptions& options);
+  /// Cells beside the answered ones whose points count.
+  static std::size_t margin(double cell, const SiteRasterOptions& options);
   /// A point, in the file's units; those of other rows are of no interest.
   void add(const Eigen::Vector3d& point, bool ground);
   /// The same for any number of threads. Once.
@@ -67,10 +80,11 @@ class SiteRowsMaker {
   static std::size_t bytes_of_point();
 
  private:
-  /// A point of the ground, in cells from the stored rows' corner (x east, y south), and its height
-  /// over the level.
+  /// A point of the ground: its place in its cell, from the south-west corner, 0 to 1, and its
+  /// height.
   struct GroundPoint {
-    float x, y, z;
+    float east, north;
+    double z;
   };
   struct Near;
   struct Answer {
@@ -82,14 +96,15 @@ class SiteRowsMaker {
   bool find_near(std::size_t row, std::size_t column, std::vector<Near>& near) const;
   Answer answer(std::size_t row, std::size_t column, std::vector<Near>& near) const;
 
-  const SiteGrid& grid_;
   SiteRasterOptions options_;
-  std::size_t first_, rows_;                                 // that are answered
-  std::size_t stored_first_ = 0, stored_rows_ = 0;           // with those that lie within reach
-  double reach_ = 0.0;                                       // cells
-  double level_ = std::numeric_limits<double>::quiet_NaN();  // of the first point
+  SiteWindow window_;                // that is answered
+  SiteWindow stored_;                // with what lies within reach
+  double cell_ = 1.0;                // units of the file
+  double west_ = 0.0, north_ = 0.0;  // cells from zero: of the stored ones' corner
+  double reach_ = 0.0;               // cells
   std::vector<GroundPoint> ground_;
-  std::vector<std::size_t> start_;  // of each stored cell's points, and the end
+  std::vector<std::uint32_t> cell_of_;  // of each as it was added; empty once they are sorted
+  std::vector<std::size_t> start_;      // of each stored cell's points, and the end
   std::vector<float> surface_;
   std::vector<std::uint32_t> points_;
 };

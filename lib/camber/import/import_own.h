@@ -78,6 +78,14 @@ struct GnssOptions {
   MapProjection projection;
 };
 
+/// What was recorded with a film; film_telemetry.h.
+struct TelemetryOptions {
+  bool use = true;
+  /// s: on the film's clock, added to its times; a log of the world's time: when its first position
+  /// was, since the film's first frame.
+  std::optional<double> offset;
+};
+
 /// What a person has beside the images; empty: not given.
 struct OwnDataOptions {
   OwnCamera camera;
@@ -92,6 +100,7 @@ struct OwnDataOptions {
   std::filesystem::path up;     ///< read_attitudes(), or KITTI's oxts
   double up_sigma = 0.0175;     ///< rad, > 0; a degree: the camera's mounting on the vehicle
   GnssOptions gnss;
+  TelemetryOptions telemetry;          ///< of films
   std::optional<double> height;        ///< m, camera above the road, > 0
   std::optional<double> height_sigma;  ///< m, > 0; none: kTypedHeightSigma
   std::string frames;                  ///< list as in select_frames; empty: all
@@ -112,6 +121,7 @@ struct OwnImport {
   bool ids_of_recording = false;
   std::vector<std::string> found;    ///< a phrase each: order, calibration, boxes, ...
   std::vector<std::string> missing;  ///< a phrase each: what is not there, and what that costs
+  std::string telemetry;  ///< of a film: one of `found`, what was recorded with it; empty: nothing
   /// Masks in colours, by frame id: written as labels beside the manifest.
   std::vector<std::pair<int, std::filesystem::path>> conversions;
   ClassMap mask_classes;

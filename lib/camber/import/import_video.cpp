@@ -8,6 +8,7 @@
 #include "camber/core/read_file.h"
 #include "camber/image/video.h"
 #include "camber/import/detail/own_data.h"
+#include "camber/import/film_telemetry.h"
 #include "camber/import/import_own.h"
 
 namespace fs = std::filesystem;
@@ -106,6 +107,7 @@ OwnImport import_video(const fs::path& video, const VideoChoice& choice,
   scene.camera.width = scan.info.width;
   scene.camera.height = scan.info.height;
   put_camera(scene, options.camera, out);
+  put_film_telemetry(video, scan.info.rotation_deg == 0, options, out);
   finish_import(options, out);
   if (choice.extract) {
     const fs::path folder =

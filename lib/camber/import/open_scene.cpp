@@ -42,6 +42,7 @@ OpenedScene open_scene(const fs::path& path, const OpenSceneOptions& options, co
   out.scene = std::move(made.scene);
   out.found = std::move(made.found);
   out.missing = std::move(made.missing);
+  out.telemetry = std::move(made.telemetry);
   out.camera_guessed = made.camera_guessed;
   return out;
 }

@@ -31,6 +31,7 @@ struct OpenedScene {
   InputKind kind = InputKind::kScene;
   std::filesystem::path manifest;           ///< that was read, or written
   std::vector<std::string> found, missing;  ///< OwnImport's; empty for a scene
+  std::string telemetry;                    ///< OwnImport's
   bool camera_guessed = false;              ///< OwnImport's
 };
 

@@ -351,6 +351,22 @@ void put_own_poses(Scene& scene, const fs::path& file, double scale, OwnImport& 
 
 constexpr double kLongestGap = 3.0;  // s, between speeds
 
+std::size_t put_speeds(Scene& scene, const std::vector<SpeedSample>& samples, double gap) {
+  std::size_t count = 0;
+  for (SceneFrame& frame : scene.frames) {
+    if (!frame.time_s) continue;
+    const auto place = place_in(samples, *frame.time_s, gap);
+    if (!place) continue;
+    const auto& [at, share] = *place;
+    const SpeedSample &a = samples[at], &b = samples[share > 0.0 ? at + 1 : at];
+    frame.speed = (1.0 - share) * a.speed + share * b.speed;
+    // Samples of one receiver have their errors in common.
+    frame.speed_sigma = std::max(a.sigma, b.sigma);
+    ++count;
+  }
+  return count;
+}
+
 void put_own_speeds(Scene& scene, const fs::path& file, const std::string& offset, OwnImport& out) {
   std::size_t count = 0;
   if (is_oxts(file)) {
@@ -382,18 +398,7 @@ void put_own_speeds(Scene& scene, const fs::path& file, const std::string& offse
     shift = gps_time_shift(log.samples, scene, log.leap_seconds, kLongestGap);
     for (SpeedSample& sample : log.samples) sample.time_s += shift;
   }
-  for (SceneFrame& frame : scene.frames) {
-    if (!frame.time_s) continue;
-    const auto place = place_in(log.samples, *frame.time_s, kLongestGap);
-    if (!place) continue;
-    const auto& [at, share] = *place;
-    const SpeedSample& a = log.samples[at];
-    const SpeedSample& b = log.samples[share > 0.0 ? at + 1 : at];
-    frame.speed = (1.0 - share) * a.speed + share * b.speed;
-    // Samples of one receiver have their errors in common.
-    frame.speed_sigma = std::max(a.sigma, b.sigma);
-    ++count;
-  }
+  count = put_speeds(scene, log.samples, kLongestGap);
   require_some(count, scene, log.samples, file, "speeds",
                "; --speed-offset moves the log (first: its start is the first frame)");
   out.found.push_back(fmt::format("speeds of {} of {} frames from {} ({})", count,

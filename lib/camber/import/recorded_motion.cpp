@@ -8,6 +8,7 @@
 #include "camber/core/errors.h"
 #include "camber/core/interruption.h"
 #include "camber/core/read_file.h"
+#include "camber/import/detail/own_data.h"
 #include "camber/import/detail/samples_in_time.h"
 #include "camber/import/formats/ros_messages.h"
 #include "camber/scene/camera_up.h"
@@ -158,17 +159,7 @@ void put_recorded_speeds(BagReader& bag, const Topic& topic, const std::string& 
     samples.push_back(sample);
   });
   sort_by_time(samples);
-  std::size_t count = 0;
-  for (SceneFrame& frame : out.scene.frames) {
-    if (!frame.time_s) continue;
-    const auto place = place_in(samples, *frame.time_s, 1.0);
-    if (!place) continue;
-    const auto& [at, share] = *place;
-    const SpeedSample &a = samples[at], &b = samples[share > 0.0 ? at + 1 : at];
-    frame.speed = (1.0 - share) * a.speed + share * b.speed;
-    frame.speed_sigma = std::max(a.sigma, b.sigma);
-    ++count;
-  }
+  const std::size_t count = put_speeds(out.scene, samples, 1.0);
   const std::string name = printable(topic.name, 80);
   if (count > 0) {
     out.found.push_back(

@@ -136,6 +136,19 @@ CameraByDrive calibrate(const Scene& scene, const ReconstructSceneOptions& optio
       calibration, options.run.load.pixels, progress);
 }
 
+/// Positions on the map are no source of metres of a few frames: the height by them is, where the
+/// scene has none.
+void put_height_by_positions(CameraByDrive* camera, const ReconstructSceneOptions& options) {
+  if (!camera->scene || camera->scene->height_above_road) return;
+  const Mounting& mounting = camera->calibration->mounting;
+  if (!mounting.height || !mounting.height_by_positions) return;
+  camera->scene->height_above_road = mounting.height->value;
+  camera->scene->height_sigma = mounting.height->sigma;
+  if (!options.notice) return;
+  options.notice(fmt::format("the camera is {:.2f} +- {:.2f} m above the road by its positions",
+                             mounting.height->value, mounting.height->sigma));
+}
+
 /// The frames that are asked for, or chosen, and fewer where they give no answer.
 SceneReconstruction run_chosen(const Scene& scene, const ReconstructSceneOptions& options,
                                const Progress& progress) {
@@ -179,6 +192,7 @@ SceneReconstruction reconstruct_scene(const Scene& scene, const ReconstructScene
   if (options.calibrates && camera_is_guessed(scene)) {
     camera = calibrate(scene, options, progress);
     if (options.notice) options.notice(camera->text);
+    put_height_by_positions(&*camera, options);
   }
   SceneReconstruction out =
       run_chosen(camera && camera->scene ? *camera->scene : scene, options, progress);

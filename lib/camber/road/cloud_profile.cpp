@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <stdexcept>
+#include <tuple>
 #include <utility>
 
 #include "camber/core/median.h"
@@ -204,8 +205,10 @@ void Profiler::collect() {
   }
   for (const auto& part : sigmas) sigmas_.insert(sigmas_.end(), part.begin(), part.end());
   std::sort(sigmas_.begin(), sigmas_.end());
-  std::stable_sort(points_.begin(), points_.end(),
-                   [](const StripPoint& a, const StripPoint& b) { return a.s < b.s; });
+  // Points at one station, too, in an order of their own.
+  std::sort(points_.begin(), points_.end(), [](const StripPoint& a, const StripPoint& b) {
+    return std::tie(a.s, a.v, a.z) < std::tie(b.s, b.v, b.z);
+  });
   // Of the squares of a metre that have points.
   std::size_t squares = 0;
   const auto wide = static_cast<std::size_t>(std::ceil(2.0 * reach));
@@ -616,6 +619,40 @@ void CloudProfileOptions::validate() const {
   profile.validate();
   require(half_width > 0.2 && half_width <= 50.0, "half_width", half_width, "0.2 to 50 m");
 }
+
+struct ProfileCorridor::State {
+  GroundAxes axes;
+  LineFrame frame;
+  double reach;
+  Eigen::AlignedBox2d bounds;
+};
+
+ProfileCorridor::ProfileCorridor(const std::vector<Vector3d>& line, const Vector3d& up,
+                                 double half_width) {
+  constexpr double kSpare = 0.5;  // m, for what coordinates are rounded to
+  const GroundAxes axes(up.normalized());
+  state_ =
+      std::make_unique<State>(State{axes,
+                                    LineFrame(corners_of(line, axes), 0.5 * half_width, kMargin),
+                                    half_width + kBeyond + 1.0 + kSpare,
+                                    {}});
+  state_->frame.prepare(state_->reach);
+  for (const Vector3d& place : line) {
+    if (axes(place).allFinite()) state_->bounds.extend(Vector2d(place.head<2>()));
+  }
+  // The line goes on beyond its ends.
+  const double more = state_->reach + kMargin + 1.0;
+  state_->bounds.min().array() -= more;
+  state_->bounds.max().array() += more;
+}
+
+ProfileCorridor::~ProfileCorridor() = default;
+
+bool ProfileCorridor::contains(const Vector3d& point) const {
+  return state_->frame.near(state_->axes(point), state_->reach);
+}
+
+const Eigen::AlignedBox2d& ProfileCorridor::bounds() const { return state_->bounds; }
 
 GroundBesideLine ground_beside_line(const RoadCloud& cloud, const Vector3d& up_given,
                                     const std::vector<Vector3d>& line, double half_width,

@@ -1,8 +1,10 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <Eigen/Geometry>
 #include <cstddef>
 #include <limits>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -54,6 +56,29 @@ struct CloudProfile {
   double density = 0.0;  ///< points of the ground per m^2 beside the line
 };
 
+/// Where points lie near enough to a line to have a part in its profile.
+class ProfileCorridor {
+ public:
+  /// @param up          in the cloud's frame, need not be unit
+  /// @param half_width  m, as of CloudProfileOptions
+  /// @throws std::invalid_argument for a line of fewer than two places.
+  ProfileCorridor(const std::vector<Eigen::Vector3d>& line, const Eigen::Vector3d& up,
+                  double half_width);
+  ~ProfileCorridor();
+  ProfileCorridor(const ProfileCorridor&) = delete;
+  ProfileCorridor& operator=(const ProfileCorridor&) = delete;
+
+  /// All that ground_beside_line() may take (of any source but kCompute), and a little more.
+  /// @param point  m; by several threads at once
+  bool contains(const Eigen::Vector3d& point) const;
+  /// Of x and y, m: no point beyond it is within. For up = z.
+  const Eigen::AlignedBox2d& bounds() const;
+
+ private:
+  struct State;
+  std::unique_ptr<State> state_;
+};
+
 /// Where the ground of a cloud comes from.
 enum class GroundSource {
   kAuto,     ///< the first of the next two that the cloud has beside the line, else kCompute
@@ -82,7 +107,8 @@ GroundBesideLine ground_beside_line(const RoadCloud& cloud, const Eigen::Vector3
 /// cross-sections of its points. The ground beside the line is a smooth function of the place along
 /// and across, whose roughness and noise are estimated from the points (restricted maximum
 /// likelihood, over the whole line); heights, slopes and their covariance are those of its
-/// posterior. Points far off it do not count (they stand on the ground).
+/// posterior. Points far off it do not count (they stand on the ground). The order of the points
+/// has no part in it.
 ///
 /// At each station: the height on the line; the cross slope, the least-squares slope of heights
 /// every tenth of the half width across, as far as the edges; the grade and the vertical curvature,

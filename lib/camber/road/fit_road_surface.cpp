@@ -9,6 +9,7 @@
 
 #include "camber/road/detail/patch_blocks.h"
 #include "camber/road/detail/patch_kinds.h"
+#include "camber/road/detail/patch_layers.h"
 #include "camber/road/unmodelled.h"
 
 namespace camber {
@@ -16,8 +17,6 @@ namespace camber {
 using Eigen::Vector3d;
 
 namespace {
-
-constexpr std::size_t kMostAtOnce = 262144;  // points of a cloud that is segmented in one piece
 
 void require(bool good, const char* field, double value, const char* bound) {
   if (!good) {
@@ -115,7 +114,7 @@ RoadSurfaceFit fit_road_surface(const RoadCloud& cloud, const RoadSurfaceOptions
   RoadSurfaceFit fit;
   fit.surface = start_surface(cloud.frame, cloud.metric, cloud.default_up(), options);
   // A survey: its patches hang on what lies around them alone, however far it goes on.
-  if (cloud.size() > kMostAtOnce && cloud.metric && fit.surface.frame == "z-up") {
+  if (cloud.size() > detail::kMostPatchPoints && cloud.metric && fit.surface.frame == "z-up") {
     detail::PatchBlocks found = detail::fit_patch_blocks(cloud, {}, options, progress);
     std::vector<int> patch_of_piece;
     fit = detail::surface_of_blocks(found.blocks, options, &patch_of_piece);

@@ -325,6 +325,11 @@ LaneMarkingConstraint lane_marking_constraint(const RoadPosterior& road,
       solution);
   at_solution.constraint.name = out.constraint.name;
   out.constraint = std::move(at_solution.constraint);
+  Eigen::VectorXd by_size(out.constraint.size());
+  for (Eigen::Index k = 0; k < by_size.size(); ++k) {
+    by_size[k] = noise.painted_size * accepted[static_cast<std::size_t>(k)].length;
+  }
+  out.constraint.common = {{"paint", std::move(by_size)}};
   out.misfit_before = at_solution.misfit_before;
   out.misfit_after = at_solution.misfit_after;
   out.constraint.source =

@@ -30,6 +30,9 @@ std::optional<Constraint> speed_constraint(const RoadPosterior& road,
   out.residual = Eigen::VectorXd::Constant(
       1, std::log(distance.metres / (baselines * road.metres_per_baseline())));
   out.covariance = Eigen::MatrixXd::Constant(1, 1, relative * relative);
+  if (distance.common > 0.0) {
+    out.common = {{"speed", Eigen::VectorXd::Constant(1, distance.common / distance.metres)}};
+  }
   return out;
 }
 

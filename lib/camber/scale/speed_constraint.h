@@ -10,6 +10,7 @@ namespace camber {
 struct TravelledDistance {
   double metres = 0.0;  ///< >= 0
   double sigma = 0.0;   ///< m, > 0
+  double common = 0.0;  ///< m, the part of it that all windows of a drive share
 };
 
 /// The length of the path over the frames by the speed against its length in baselines.

@@ -111,13 +111,21 @@ json to_json(const DriveDocument& document) {
   add_pair(camera, "pitch", "pitch_sigma", document.pitch);
   add_pair(camera, "roll", "roll_sigma", document.roll);
   add_pair(camera, "height", "height_sigma", document.height);
-  return {{"metric", document.metric},
-          {"length", number_json(document.length)},
-          {"length_sigma", number_json(document.length_sigma)},
-          {"common_sigma", number_json(document.common_sigma)},
-          {"camera", std::move(camera)},
-          {"windows", std::move(windows)},
-          {"frames", std::move(frames)}};
+  json out = {{"metric", document.metric},
+              {"length", number_json(document.length)},
+              {"length_sigma", number_json(document.length_sigma)},
+              {"common_sigma", number_json(document.common_sigma)},
+              {"camera", std::move(camera)},
+              {"windows", std::move(windows)},
+              {"frames", std::move(frames)}};
+  if (document.positions) {
+    const DrivePositions& p = *document.positions;
+    out["positions"] = {{"frames", p.frames},
+                        {"log_scale", number_json(p.log_scale)},
+                        {"sigma", number_json(p.sigma)},
+                        {"disagreement_sigmas", number_json(p.disagreement_sigmas)}};
+  }
+  return out;
 }
 
 DriveDocument read_drive(const std::filesystem::path& path) {
@@ -135,6 +143,15 @@ DriveDocument read_drive(const std::filesystem::path& path) {
     out.pitch = find_pair(camera, "pitch", "pitch_sigma");
     out.roll = find_pair(camera, "roll", "roll_sigma");
     out.height = find_pair(camera, "height", "height_sigma");
+  }
+  if (const auto v = root.find("positions")) {
+    JsonObject positions(*v, "positions on a map {\"frames\", \"log_scale\", \"sigma\"}");
+    DrivePositions p;
+    if (const auto n = positions.find("frames")) p.frames = n->integer(0, kMaxId, "a number");
+    p.log_scale = find_number(positions, "log_scale");
+    p.sigma = find_sigma(positions, "sigma");
+    p.disagreement_sigmas = find_sigma(positions, "disagreement_sigmas");
+    out.positions = p;
   }
   for (const JsonCursor& item :
        root.require("frames", "an array of frames").items("an array of frames")) {

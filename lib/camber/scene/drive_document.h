@@ -41,6 +41,15 @@ struct DriveWindow {
   double length_sigma = std::numeric_limits<double>::quiet_NaN();  ///< m
 };
 
+/// What a receiver's positions on a map measured of a drive.
+struct DrivePositions {
+  int frames = 0;          ///< that have one
+  double log_scale = 0.0;  ///< logarithm of lengths on the map over those by the images alone
+  double sigma = 0.0;      ///< of it, by the positions
+  /// How far that is from the images' own metres; NaN: these are none.
+  double disagreement_sigmas = std::numeric_limits<double>::quiet_NaN();
+};
+
 /// drive.json. The world is the camera of the first frame that has a pose.
 struct DriveDocument {
   bool metric = true;
@@ -50,6 +59,7 @@ struct DriveDocument {
   double common_sigma = std::numeric_limits<double>::quiet_NaN();
   DriveNumber pitch, roll;  ///< rad, of the camera's mounting
   DriveNumber height;       ///< m, likewise
+  std::optional<DrivePositions> positions;
   std::vector<DriveWindow> windows;
   std::vector<DriveFrame> frames;  ///< every frame taken, ids ascending
 };

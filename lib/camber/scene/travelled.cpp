@@ -29,7 +29,7 @@ std::optional<double> travelled_between(const Scene& scene, int from, int to, do
   return metres;
 }
 
-double travelled_sigma(const Scene& scene, double frame_rate, const SpeedWeights& weights) {
+DistanceSigma travelled_sigma(const Scene& scene, double frame_rate, const SpeedWeights& weights) {
   std::vector<TimedSpeed> samples;
   double sum = 0.0, squares = 0.0;
   for (const SceneFrame& frame : scene.frames) {
@@ -45,7 +45,7 @@ double travelled_sigma(const Scene& scene, double frame_rate, const SpeedWeights
     squares += sigma * sigma;
   }
   const SpeedNoise noise = speed_noise(samples);
-  return std::sqrt(noise.independent * squares + noise.common * sum * sum);
+  return {std::sqrt(noise.independent * squares), std::sqrt(noise.common) * sum};
 }
 
 }  // namespace camber

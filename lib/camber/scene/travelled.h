@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cmath>
 #include <map>
 #include <optional>
 
@@ -17,8 +18,14 @@ using SpeedWeights = std::map<int, double>;
 std::optional<double> travelled_between(const Scene& scene, int from, int to, double frame_rate,
                                         SpeedWeights* weights);
 
-/// Standard deviation of distances together, m, from the scatter of all speeds of the scene
-/// (speed_noise()).
-double travelled_sigma(const Scene& scene, double frame_rate, const SpeedWeights& weights);
+/// How well distances together are known, m, standard deviations.
+struct DistanceSigma {
+  double own = 0.0;     ///< of these distances alone
+  double common = 0.0;  ///< shared by all distances of the scene: a wheel's size, a clock
+  double together() const { return std::hypot(own, common); }
+};
+
+/// From the scatter of all speeds of the scene (speed_noise()).
+DistanceSigma travelled_sigma(const Scene& scene, double frame_rate, const SpeedWeights& weights);
 
 }  // namespace camber

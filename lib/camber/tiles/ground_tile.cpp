@@ -72,22 +72,6 @@ double median_of(std::vector<double> values) {
   return *middle;
 }
 
-/// At most so many of the tiles that hold at least half as many points as the middle one, spread
-/// evenly over the list.
-std::vector<std::size_t> sample_tiles(const TilePlan& plan, std::size_t most) {
-  std::vector<double> counts;
-  for (const Tile& tile : plan.tiles) counts.push_back(static_cast<double>(tile.points));
-  const double least = 0.5 * median_of(counts);
-  std::vector<std::size_t> full, out;
-  for (std::size_t k = 0; k < counts.size(); ++k) {
-    if (counts[k] >= least) full.push_back(k);
-  }
-  const std::size_t wanted = std::min(most, full.size());
-  for (std::size_t k = 0; k < wanted; ++k)
-    out.push_back(full[(2 * k + 1) * full.size() / (2 * wanted)]);
-  return out;
-}
-
 }  // namespace
 
 TileGround segment_tile_ground(const TilePlan& plan, std::size_t tile, int num_threads) {

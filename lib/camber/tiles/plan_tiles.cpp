@@ -13,6 +13,7 @@
 
 #include "camber/cloud/las_chunks.h"
 #include "camber/cloud/las_file.h"
+#include "camber/cloud/morton.h"
 #include "camber/cloud/stream_filters.h"
 #include "camber/core/atomic_file.h"
 #include "camber/core/errors.h"
@@ -556,7 +557,7 @@ std::vector<int> Tiler::order(const std::string& records, std::int64_t column,
     std::int32_t p[3];
     std::memcpy(p, records.data() + i * size, sizeof p);
     const auto x = static_cast<std::uint32_t>(p[0] - x0), y = static_cast<std::uint32_t>(p[1] - y0);
-    items[i] = {x, y, detail::plan_code(x, y), p[2], static_cast<std::int32_t>(i)};
+    items[i] = {x, y, morton_code(x, y), p[2], static_cast<std::int32_t>(i)};
     box.extend(Eigen::Vector2d(x * first_.scale[0], y * first_.scale[1]));
   }
   const auto before = [&](const auto& key, const Item& a, const Item& b) {

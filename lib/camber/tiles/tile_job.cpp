@@ -13,9 +13,14 @@
 #include "camber/core/hash.h"
 #include "camber/core/interruption.h"
 #include "camber/core/read_file.h"
+#include "camber/core/version.h"
+#include "camber/export/site_bands.h"
+#include "camber/export/site_points.h"
+#include "camber/road/cloud_profile.h"
 #include "camber/scene/json_reader.h"
 #include "camber/tiles/ground_tile.h"
 #include "camber/tiles/point_tile.h"
+#include "camber/tiles/tile_points.h"
 
 namespace fs = std::filesystem;
 
@@ -27,10 +32,15 @@ using nlohmann::json;
 constexpr const char* kPiecesSuffix = ".patches";
 
 json done_json(const TileDone& done) {
-  return {{"name", done.name},     {"file", done.file.generic_string()},
-          {"points", done.points}, {"bytes", done.bytes},
-          {"hash", done.hash},     {"points_read", done.read_points},
-          {"counts", done.counts}};
+  json out = {{"name", done.name},     {"file", done.file.generic_string()},
+              {"points", done.points}, {"bytes", done.bytes},
+              {"hash", done.hash},     {"points_read", done.read_points},
+              {"counts", done.counts}};
+  if (done.window) {
+    const CellWindow& window = *done.window;
+    out["window"] = {window.column, window.row, window.columns, window.rows};
+  }
+  return out;
 }
 
 TileDone read_done(const json& document, const fs::path& path) {
@@ -48,6 +58,16 @@ TileDone read_done(const json& document, const fs::path& path) {
   out.read_points = count(object.require("points_read", "a number"));
   JsonObject counts(object.require("counts", "numbers by name"), "numbers by name");
   for (const auto& [name, value] : counts.entries()) out.counts[name] = count(value);
+  if (const auto window = object.find("window")) {
+    const std::vector<double> v =
+        window->numbers(4, "4 whole numbers [column, row, columns, rows] within 9e15 of 0");
+    const auto whole = [](double n) { return n == std::floor(n) && std::abs(n) <= 9e15; };
+    if (!std::all_of(v.begin(), v.end(), whole) || v[2] < 1.0 || v[3] < 1.0) {
+      window->fail("4 whole numbers [column, row, columns, rows] within 9e15 of 0");
+    }
+    out.window = CellWindow{static_cast<std::int64_t>(v[0]), static_cast<std::int64_t>(v[1]),
+                            static_cast<std::int64_t>(v[2]), static_cast<std::int64_t>(v[3])};
+  }
   return out;
 }
 
@@ -89,6 +109,74 @@ void read_surface_options(const fs::path& path, RoadSurfaceOptions* options) {
   options->validate();
 }
 
+const char* to_string(TileGroundFrom from) {
+  return from == TileGroundFrom::kClass ? "class" : from == TileGroundFrom::kAll ? "all" : "job";
+}
+
+TileGroundFrom ground_from_string(const JsonCursor& cursor) {
+  const std::string name = cursor.text();
+  for (const TileGroundFrom from :
+       {TileGroundFrom::kJob, TileGroundFrom::kClass, TileGroundFrom::kAll}) {
+    if (name == to_string(from)) return from;
+  }
+  cursor.fail("\"job\", \"class\" or \"all\"");
+}
+
+fs::path ground_folder(const TilePlan& plan, const TileJob& job) {
+  TileJob ground;
+  ground.folder = job.ground;
+  return job_folder(plan, ground);
+}
+
+/// Where the classes of ground are: the hash of the joined results, or a word.
+/// @throws InputError where there are none of this plan
+std::string ground_hash(const TilePlan& plan, const TileJob& job) {
+  if (job.ground_from != TileGroundFrom::kJob) return "";
+  const fs::path path = ground_folder(plan, job) / "index.json";
+  std::error_code error;
+  if (!fs::exists(path, error)) {
+    throw InputError(path.string(),
+                     "found no joined ground, expected camber tiles run and join --job ground "
+                     "before, or classes of the survey (--ground-from class)");
+  }
+  const std::string text = read_whole_file(path, std::size_t{4} << 30);
+  const json document = parse_json(text, path.string());
+  JsonContext context{path.string(), {}};
+  JsonObject object(JsonCursor(document, context), "joined tiles");
+  const JsonCursor kind = object.require("job", "\"ground\"");
+  if (kind.text() != "ground") kind.fail("\"ground\"");
+  const JsonCursor of = object.require("plan", "the hash of a plan");
+  if (of.text() != plan.hash) of.fail("the ground of this plan: " + plan.hash);
+  return hash_bytes(text);
+}
+
+/// The points of each tile with their classes.
+TileFiles ground_files(const TilePlan& plan, const TileJob& job) {
+  if (job.ground_from != TileGroundFrom::kJob) {
+    return [&plan](std::size_t tile) { return plan.path_of(tile); };
+  }
+  return [&plan, folder = ground_folder(plan, job)](std::size_t tile) {
+    return folder / (plan.tiles[tile].name + ".laz");
+  };
+}
+
+std::string line_hash(const std::vector<Eigen::Vector3d>& line) {
+  std::string text;
+  for (const Eigen::Vector3d& place : line) {
+    text += fmt::format("{:a} {:a}\n", place.x(), place.y());
+  }
+  return hash_bytes(text);
+}
+
+RasterPlan read_raster_plan(const fs::path& path) {
+  const json document = parse_json(read_whole_file(path), path.string());
+  JsonContext context{path.string(), {}};
+  JsonObject job(JsonCursor(document, context), "the options of a job");
+  JsonObject raster(job.require("raster", "cells of a raster"), "cells of a raster");
+  return {raster.require("cell", "a length").positive(),
+          raster.require("reach", "a length").positive()};
+}
+
 json options_json(const TilePlan& plan, const TileJob& job) {
   json out = {{"format", "camber-tile-options"},
               {"version", 1},
@@ -107,6 +195,20 @@ json options_json(const TilePlan& plan, const TileJob& job) {
   if (job.kind == TileJob::Kind::kFilter || job.kind == TileJob::Kind::kNormals) {
     out["radius"] = job.radius;
     out["neighbors"] = job.neighbors;
+  }
+  if (job.kind == TileJob::Kind::kExport || job.kind == TileJob::Kind::kProfile) {
+    out["ground_from"] = to_string(job.ground_from);
+    out["ground"] = ground_hash(plan, job);
+  }
+  if (job.kind == TileJob::Kind::kExport) {
+    out["step"] = job.step;
+    out["fill_holes"] = job.fill_holes;
+    out["crs"] = job.crs;
+    out["height_unit"] = job.height_unit;
+  }
+  if (job.kind == TileJob::Kind::kProfile) {
+    out["line"] = line_hash(job.line);
+    out["half_width"] = job.half_width;
   }
   return out;
 }
@@ -187,7 +289,11 @@ class Found {
         source = add_numbers(open(), "distance", distances_);
         break;
       }
+      case TileJob::Kind::kProfile:
+        choose_near_line(plan, job, tile, reading);
+        break;
       case TileJob::Kind::kPatches:  // no points: run_tile_job()
+      case TileJob::Kind::kExport:
         break;
     }
   }
@@ -199,8 +305,37 @@ class Found {
   std::map<std::string, std::uint64_t> counts;
 
  private:
+  void choose_near_line(const TilePlan& plan, const TileJob& job, std::size_t tile,
+                        ReadOptions reading) {
+    const fs::path path = ground_files(plan, job)(tile);
+    corridor_ =
+        std::make_unique<ProfileCorridor>(job.line, Eigen::Vector3d::UnitZ(), job.half_width);
+    Eigen::AlignedBox2d box = corridor_->bounds();
+    box.min() /= plan.metres;
+    box.max() /= plan.metres;
+    std::unique_ptr<PointSource> near = open_tile_within(plan, tile, path, box, reading);
+    // A file without points has a header all the same.
+    if (!near) near = open_point_source(path, reading);
+    const bool all = job.ground_from == TileGroundFrom::kAll;
+    const double metres = plan.metres;
+    source = select_rows(std::move(near), [this, all, metres](const PointStreamHeader& header,
+                                                              const PointBatch& batch,
+                                                              std::vector<unsigned char>* keep) {
+      throw_if_interrupted();
+      const SiteColumns columns(header);
+      SitePoint point;
+      for (std::size_t i = 0; i < batch.count; ++i) {
+        (*keep)[i] = columns.take(header, batch, i, &point) &&
+                     (all ? point.kind != 9 : is_ground_class(point.kind)) &&
+                     corridor_->contains(metres * point.place);
+      }
+      read_points += batch.count;
+    });
+  }
+
   TileGround ground_;
   TileInliers inliers_;
+  std::unique_ptr<ProfileCorridor> corridor_;
   std::unique_ptr<TileVoxels> voxels_;
   TileNormals normals_;
   std::vector<int> labels_;
@@ -233,6 +368,10 @@ const char* to_string(TileJob::Kind kind) {
       return "compare";
     case TileJob::Kind::kLabels:
       return "labels";
+    case TileJob::Kind::kExport:
+      return "export";
+    case TileJob::Kind::kProfile:
+      return "profile";
     case TileJob::Kind::kGround:
       break;
   }
@@ -242,6 +381,20 @@ const char* to_string(TileJob::Kind kind) {
 void TileJob::validate() const {
   if (kind == Kind::kPatches) surface.validate();
   if (kind == Kind::kGround || kind == Kind::kPatches || kind == Kind::kLabels) return;
+  if (kind == Kind::kExport) {
+    for (const auto& [name, length] :
+         {std::pair("step", step), std::pair("fill_holes", fill_holes)}) {
+      if (std::isfinite(length) && length >= 0.0 && length <= 1e4) continue;
+      throw std::invalid_argument(
+          fmt::format("{} = {}, expected at least 0 and at most 10000 m", name, length));
+    }
+    return;
+  }
+  if (kind == Kind::kProfile) {
+    CloudProfileOptions options;
+    options.half_width = half_width;
+    return options.validate();
+  }
   const bool cubes = kind == Kind::kVoxels;
   const double length = cubes ? voxel : radius;
   if (!(std::isfinite(length) && length > 0.0 && length <= 1e4)) {
@@ -276,7 +429,15 @@ void begin_tile_job(const TilePlan& plan, const TileJob& job) {
   if (!fs::exists(path, error) && holds_files(folder)) {
     throw OutputError(folder.string(), "the folder is not empty and holds no results of tiles");
   }
-  if (!fs::exists(path, error)) return write_file_atomically(path, format_json(options));
+  if (!fs::exists(path, error)) {
+    json all = options;
+    if (job.kind == TileJob::Kind::kExport) {
+      const RasterPlan raster = decide_raster(plan, ground_files(plan, job), job.ground_from,
+                                              job.step, job.fill_holes, job.num_threads);
+      all["raster"] = {{"cell", raster.cell}, {"reach", raster.reach}};
+    }
+    return write_file_atomically(path, format_json(all));
+  }
   const json there = parse_json(read_whole_file(path), path.string());
   for (const auto& [key, value] : options.items()) {
     if (there.is_object() && there.value(key, json()) == value) continue;
@@ -286,6 +447,47 @@ void begin_tile_job(const TilePlan& plan, const TileJob& job) {
         folder.string(), key, there.is_object() ? there.value(key, json()).dump() : "none"));
   }
 }
+
+namespace {
+
+std::map<std::string, std::string> raster_metadata(TileGroundFrom from) {
+  return {{"TIFFTAG_SOFTWARE", std::string("Camber ") + kVersion},
+          {"TIFFTAG_IMAGEDESCRIPTION", "ground and surface of a cloud's points"},
+          {"CAMBER_GROUND_FROM", to_string(from)}};
+}
+
+/// Writes the raster of a tile, and says in `done` what it has.
+void write_tile_raster(const TilePlan& plan, const TileJob& job, std::size_t tile,
+                       const fs::path& out, TileDone* done) {
+  if (!job.write_raster) throw std::invalid_argument("write_raster: found none, expected one");
+  const RasterPlan raster = read_raster_plan(job_folder(plan, job) / "job.json");
+  TileRaster found = make_tile_raster(plan, tile, ground_files(plan, job), job.ground_from, raster,
+                                      job.num_threads);
+  done->window = found.window;
+  done->points = plan.tiles[tile].points;
+  done->read_points = found.read_points;
+  done->counts = {{"cells", found.cells}, {"known", found.known}};
+  AtomicFiles numbers, files;  // the numbers are removed again
+  RawRaster raw;
+  raw.file = numbers.stage(out.string() + ".raw").string();
+  raw.name = out.string();
+  raw.grid.cell = raster.cell;
+  raw.grid.west = static_cast<double>(found.window.column) * raster.cell;
+  raw.grid.north = -static_cast<double>(found.window.row) * raster.cell;
+  raw.grid.columns = found.rows.window.columns;
+  raw.grid.rows = found.rows.window.rows;
+  raw.bands = site_bands(job.height_unit);
+  write_file_atomically(raw.file, [&](std::ostream& to) {
+    for (const std::vector<float>& band : site_band_values(std::move(found.rows))) {
+      to.write(reinterpret_cast<const char*>(band.data()),
+               static_cast<std::streamsize>(band.size() * sizeof(float)));
+    }
+  });
+  job.write_raster(raw, job.crs, raster_metadata(job.ground_from), files.stage(out).string());
+  files.commit();
+}
+
+}  // namespace
 
 TileDone run_tile_job(const TilePlan& plan, const TileJob& job, std::size_t tile) {
   TileDone done;
@@ -297,7 +499,8 @@ TileDone run_tile_job(const TilePlan& plan, const TileJob& job, std::size_t tile
   done = {};
   done.name = plan.tiles[tile].name;
   const bool pieces = job.kind == TileJob::Kind::kPatches;
-  done.file = done.name + (pieces ? kPiecesSuffix : ".laz");
+  const bool cells = job.kind == TileJob::Kind::kExport;
+  done.file = done.name + (pieces ? kPiecesSuffix : cells ? ".tif" : ".laz");
   const fs::path out = folder / done.file;
   if (pieces) {
     RoadSurfaceOptions options = job.surface;
@@ -307,6 +510,8 @@ TileDone run_tile_job(const TilePlan& plan, const TileJob& job, std::size_t tile
     done.points = plan.tiles[tile].points;
     done.read_points = found.read_points;
     done.counts = {{"pieces", found.pieces}, {"on_pieces", found.on_pieces}};
+  } else if (cells) {
+    write_tile_raster(plan, job, tile, out, &done);
   } else {
     const Found found(plan, job, tile);
     done.points = write_points(*found.source, out);
@@ -351,7 +556,7 @@ TileJob::Kind tile_job_from_string(const std::string& name) {
   for (const TileJob::Kind kind :
        {TileJob::Kind::kGround, TileJob::Kind::kFilter, TileJob::Kind::kVoxels,
         TileJob::Kind::kNormals, TileJob::Kind::kPatches, TileJob::Kind::kCompare,
-        TileJob::Kind::kLabels}) {
+        TileJob::Kind::kLabels, TileJob::Kind::kExport, TileJob::Kind::kProfile}) {
     if (name == to_string(kind)) return kind;
     names += (names.empty() ? "" : ", ") + std::string(to_string(kind));
   }
@@ -388,6 +593,8 @@ std::vector<JoinedFile> joined_files(const fs::path& folder) {
   JsonObject object(JsonCursor(document, context), "joined tiles");
   const JsonCursor format = object.require("format", "\"camber-tile-job\"");
   if (format.text() != "camber-tile-job") format.fail("\"camber-tile-job\"");
+  const JsonCursor kind = object.require("job", "the name of a job");
+  if (kind.text() == "export") kind.fail("the job of tiles that are points");
   std::vector<JoinedFile> out;
   for (const JsonCursor& cursor : object.require("tiles", "tiles").items("tiles")) {
     JsonObject tile(cursor, "a tile");
@@ -446,6 +653,28 @@ JoinedTiles join_tiles(const TilePlan& plan, const TileJob& job) {
                       {"max", vector_json(plan.tiles[k].bounds.max())}};
     tiles.push_back(std::move(tile));
   }
+  if (job.kind == TileJob::Kind::kExport) {
+    std::vector<std::string> files;
+    std::vector<CellWindow> windows;
+    for (const TileDone& done : out.tiles) {
+      if (!done.window) {
+        throw InputError((folder / (done.name + ".json")).string(),
+                         "window: missing, expected [column, row, columns, rows]");
+      }
+      files.push_back(done.file.generic_string());
+      windows.push_back(*done.window);
+    }
+    const fs::path options = folder / "job.json";
+    const json there = parse_json(read_whole_file(options), options.string());
+    JsonContext context{options.string(), {}};
+    JsonObject given(JsonCursor(there, context), "the options of a job");
+    write_file_atomically(mosaic_path(plan, job),
+                          raster_mosaic(files, windows, read_raster_plan(options),
+                                        given.require("crs", "a coordinate system, or \"\"").text(),
+                                        given.require("height_unit", "the unit of heights").text(),
+                                        raster_metadata(ground_from_string(given.require(
+                                            "ground_from", "where the ground is from")))));
+  }
   out.index = folder / "index.json";
   write_file_atomically(out.index, format_json({{"format", "camber-tile-job"},
                                                 {"version", 1},
@@ -455,6 +684,28 @@ JoinedTiles join_tiles(const TilePlan& plan, const TileJob& job) {
                                                 {"points", out.points},
                                                 {"counts", out.counts},
                                                 {"tiles", tiles}}));
+  return out;
+}
+
+fs::path mosaic_path(const TilePlan& plan, const TileJob& job) {
+  return job_folder(plan, job) / "mosaic.vrt";
+}
+
+std::vector<fs::path> profile_files(const TilePlan& plan, TileJob* job) {
+  const fs::path folder = job_folder(plan, *job), path = folder / "job.json";
+  const json document = parse_json(read_whole_file(path), path.string());
+  JsonContext context{path.string(), {}};
+  JsonObject object(JsonCursor(document, context), "the options of a job");
+  if (object.require("line", "the hash of a line").text() != line_hash(job->line)) {
+    throw UsageError(path.string() +
+                     ": found results of another line, expected that of tiles run (--along)");
+  }
+  job->half_width = object.require("half_width", "a length").positive();
+  job->ground_from = ground_from_string(object.require("ground_from", "where the ground is from"));
+  std::vector<fs::path> out;
+  for (const TileDone& done : all_done(plan, *job)) {
+    if (done.points > 0) out.push_back(folder / done.file);
+  }
   return out;
 }
 

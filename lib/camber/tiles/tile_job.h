@@ -3,13 +3,17 @@
 #include <cstddef>
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "camber/core/progress.h"
+#include "camber/export/gdal/cloud_optimized.h"
 #include "camber/scene/results.h"
 #include "camber/tiles/patch_tile.h"
+#include "camber/tiles/raster_tile.h"
 #include "camber/tiles/tile_plan.h"
 
 namespace camber {
@@ -24,6 +28,8 @@ struct TileJob {
     kPatches,  ///< pieces of patches, which join_patches() makes a surface of
     kCompare,  ///< adds `distance`, m, to the nearest point of another plan; NaN beyond the radius
     kLabels,   ///< adds `patch`, the patch of each point, once patches are joined
+    kExport,   ///< rasters of the tile's own cells, as SiteRowsMaker has them, as GeoTIFF
+    kProfile,  ///< the points of the ground near a line, for profile_cloud()
   };
   Kind kind = Kind::kGround;
   std::filesystem::path folder;  ///< of the results; empty: PLAN/KIND
@@ -38,12 +44,25 @@ struct TileJob {
   std::filesystem::path truth;                     ///< kCompare: folder of the other plan
   std::vector<double> thresholds{0.05, 0.1, 0.2};  ///< m, kCompare: counted are points within them
   std::filesystem::path patches;  ///< kLabels: folder of the joined patches; empty: PLAN/patches
-  int num_threads = 0;            ///< <= 0: see resolve_num_threads
+  /// kExport, kProfile
+  TileGroundFrom ground_from = TileGroundFrom::kJob;
+  std::filesystem::path ground;   ///< kJob: folder of the joined ground; empty: PLAN/ground
+  double step = 0.0;              ///< m, kExport: side of a cell; 0: by the points
+  double fill_holes = 0.0;        ///< m, kExport: width of holes that are filled
+  std::string crs;                ///< kExport: as write_cloud_optimized() takes it
+  std::string height_unit = "m";  ///< kExport: of the bands
+  /// kExport: write_cloud_optimized(), or who calls it: GDAL is not linked here.
+  std::function<void(const RawRaster& raster, const std::string& crs,
+                     const std::map<std::string, std::string>& metadata, const std::string& out)>
+      write_raster;
+  std::vector<Eigen::Vector3d> line;  ///< kProfile: m, in the plan's coordinates
+  double half_width = 3.5;            ///< m, kProfile: as of CloudProfileOptions
+  int num_threads = 0;                ///< <= 0: see resolve_num_threads
 
   void validate() const;  ///< throws std::invalid_argument naming field, value and bound
 };
 
-/// "ground", "filter", "voxels", "normals", "patches", "compare", "labels"
+/// "ground", "filter", "voxels", "normals", "patches", "compare", "labels", "export", "profile"
 const char* to_string(TileJob::Kind kind);
 
 /// What is written of a tile that is done, beside its file.
@@ -53,6 +72,7 @@ struct TileDone {
   std::uint64_t points = 0, bytes = 0, read_points = 0;
   std::string hash;
   std::map<std::string, std::uint64_t> counts;  ///< of the job: "ground", "judged", "kept", ...
+  std::optional<CellWindow> window;             ///< of kExport
   bool was_there = false;                       ///< done before; not written
 };
 
@@ -65,9 +85,9 @@ std::filesystem::path job_folder(const TilePlan& plan, const TileJob& job);
 void begin_tile_job(const TilePlan& plan, const TileJob& job);
 
 /// Works on one tile: writes TILE.laz, the tile's file with what was found (kPatches:
-/// TILE.patches), then TILE.json. A tile that has both is passed over. Tiles can be worked on in
-/// any order, by several processes at once, each any number of times: the files are the same, bit
-/// for bit.
+/// TILE.patches, kExport: TILE.tif), then TILE.json. A tile that has both is passed over. Tiles can
+/// be worked on in any order, by several processes at once, each any number of times: the files are
+/// the same, bit for bit.
 /// @throws InputError, NoAnswerError, OutputError
 TileDone run_tile_job(const TilePlan& plan, const TileJob& job, std::size_t tile);
 
@@ -102,9 +122,18 @@ struct JoinedTiles {
   std::vector<TileDone> tiles;
 };
 
-/// Writes index.json over all tiles of a plan, once each is done; of any job but kPatches.
+/// Writes index.json over all tiles of a plan, once each is done; of any job but kPatches. Of
+/// kExport also mosaic_path(): one raster of all (GDAL's virtual format).
 /// @throws NoAnswerError where tiles are missing; InputError where files are not as they were left
 JoinedTiles join_tiles(const TilePlan& plan, const TileJob& job);
+
+/// Of kExport.
+std::filesystem::path mosaic_path(const TilePlan& plan, const TileJob& job);
+
+/// Of kProfile: the files of the tiles that have points near the line, once each is done, in the
+/// order of the plan; sets the job's half_width and ground_from to those that they were made with.
+/// @throws as join_tiles(); UsageError where they were made for another line
+std::vector<std::filesystem::path> profile_files(const TilePlan& plan, TileJob* job);
 
 /// Result of join_patches().
 struct JoinedSurface {

@@ -1,5 +1,6 @@
 #include "camber/tiles/tile_plan.h"
 
+#include <algorithm>
 #include <set>
 
 #include "camber/core/atomic_file.h"
@@ -224,6 +225,23 @@ TileRecord read_tile_record(const fs::path& folder, const std::string& name) {
 
 std::vector<TilePart> read_tile_parts(const TilePlan& plan, std::size_t tile) {
   return read_tile_record(plan.folder, plan.tiles[tile].name).parts;
+}
+
+std::vector<std::size_t> sample_tiles(const TilePlan& plan, std::size_t most) {
+  std::vector<double> counts;
+  for (const Tile& tile : plan.tiles) counts.push_back(static_cast<double>(tile.points));
+  std::vector<double> sorted = counts;
+  std::nth_element(sorted.begin(), sorted.begin() + static_cast<std::ptrdiff_t>(counts.size() / 2),
+                   sorted.end());
+  const double least = 0.5 * sorted[counts.size() / 2];
+  std::vector<std::size_t> full, out;
+  for (std::size_t k = 0; k < counts.size(); ++k) {
+    if (counts[k] >= least) full.push_back(k);
+  }
+  const std::size_t wanted = std::min(most, full.size());
+  for (std::size_t k = 0; k < wanted; ++k)
+    out.push_back(full[(2 * k + 1) * full.size() / (2 * wanted)]);
+  return out;
 }
 
 }  // namespace camber

@@ -63,6 +63,10 @@ TilePlan read_tile_index(const std::filesystem::path& file);
 /// The parts of a tile's file; empty where they are not known. @throws InputError.
 std::vector<TilePart> read_tile_parts(const TilePlan& plan, std::size_t tile);
 
+/// At most so many of the tiles that hold at least half as many points as the middle one, spread
+/// evenly over the list: by which what all tiles have in common is decided.
+std::vector<std::size_t> sample_tiles(const TilePlan& plan, std::size_t most);
+
 /// Where they stand: beside the tiles, a file each.
 std::filesystem::path tile_record_path(const std::filesystem::path& folder,
                                        const std::string& name);

@@ -387,6 +387,25 @@ TileRecords read_tile_records(const TilePlan& plan, std::size_t tile, const Tile
   return reader.finish_records();
 }
 
+std::unique_ptr<PointSource> open_tile_within(const TilePlan& plan, std::size_t tile,
+                                              const fs::path& path, const Eigen::AlignedBox2d& box,
+                                              const ReadOptions& options) {
+  const std::vector<TilePart> parts = read_tile_parts(plan, tile);
+  std::vector<std::uint64_t> counts;
+  std::vector<std::size_t> chunks;
+  for (std::size_t k = 0; k < parts.size(); ++k) {
+    counts.push_back(parts[k].points);
+    if (parts[k].points > 0 && parts[k].box.intersects(box)) chunks.push_back(k);
+  }
+  if (!parts.empty() && chunks.empty()) return nullptr;
+  std::unique_ptr<PointSource> whole = open_point_source(path, options);
+  const std::shared_ptr<const LasFile> las = whole->header().las;
+  if (parts.size() < 2 || chunks.size() == parts.size() || !las || las_chunks(*las) != counts) {
+    return whole;
+  }
+  return open_las_chunks(path, options, chunks);
+}
+
 TilePoints read_whole_points(const TilePlan& plan, const fs::path& file,
                              const TileReading& reading) {
   Reader reader(plan, reading);

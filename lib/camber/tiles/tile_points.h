@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -47,6 +48,15 @@ TilePoints read_points_around(const TilePlan& plan, const TilePoints& around,
 /// The same of a whole file, as if the plan had one tile.
 TilePoints read_whole_points(const TilePlan& plan, const std::filesystem::path& file,
                              const TileReading& reading);
+
+/// Of a tile's points those parts of a file that reach into a box, in plan and in the file's units;
+/// all where they cannot be read apart. nullptr where none does.
+/// @param path  the tile's own file, or one that holds its points in their order
+/// @throws InputError
+std::unique_ptr<PointSource> open_tile_within(const TilePlan& plan, std::size_t tile,
+                                              const std::filesystem::path& path,
+                                              const Eigen::AlignedBox2d& box,
+                                              const ReadOptions& options);
 
 /// The records of a tile's points with those around it, in the order that TilePoints has; equal
 /// places by the records' bytes.

@@ -7,6 +7,7 @@
 #include <optional>
 #include <utility>
 
+#include "camber/core/median.h"
 #include "camber/road/detail/banded_ldlt.h"
 
 namespace camber::detail {
@@ -93,6 +94,14 @@ std::vector<Measurement> measurements_of(const std::vector<int>& ids,
   }
   choose_votes(noise, &out);
   return out;
+}
+
+double common_sigma(const std::vector<Measurement>& measured) {
+  std::vector<double> common;
+  for (const Measurement& m : measured) {
+    if (m.votes) common.push_back(m.window->common_scale_sigma);
+  }
+  return common.empty() ? 0.0 : upper_median(&common);
 }
 
 std::vector<double> start_scales(const std::vector<Measurement>& measured,

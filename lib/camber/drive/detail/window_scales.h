@@ -31,6 +31,10 @@ std::vector<Measurement> measurements_of(const std::vector<int>& ids,
                                          const std::vector<WindowMeasurement>& windows,
                                          const TrajectoryNoise& noise);
 
+/// Relative: what the windows that vote share of the scale, the median of what each states. What
+/// contradicts the camera in a few windows alone is not shared.
+double common_sigma(const std::vector<Measurement>& measured);
+
 /// Logarithms of the scales of all windows by their own, where they vote, and by the lengths that
 /// neighbours share: where the smoother starts.
 std::vector<double> start_scales(const std::vector<Measurement>& measured,

@@ -14,6 +14,8 @@
 #include <cstdint>
 #include <cstring>
 #include <limits>
+#include <utility>
+#include <vector>
 
 #include "camber/core/errors.h"
 #include "camber/export/gdal/detail/gdal_dataset.h"
@@ -25,6 +27,22 @@ namespace {
 using detail::Complaints;
 using detail::Dataset;
 using detail::owned;
+
+constexpr int kRows = 256;  // of a read; tiles are 512
+
+Dataset opened(const std::string& path, const char* driver) {
+  const std::array<const char*, 2> drivers = {driver, nullptr};
+  return owned(GDALOpenEx(path.c_str(), GDAL_OF_RASTER | GDAL_OF_READONLY, drivers.data(), nullptr,
+                          nullptr));
+}
+
+Dataset copied(GDALDriverH driver, GDALDatasetH numbers, const std::string& out) {
+  std::array<const char*, 6> options = {"COMPRESS=DEFLATE", "PREDICTOR=YES",
+                                        "BIGTIFF=IF_SAFER", "OVERVIEW_RESAMPLING=AVERAGE",
+                                        "NUM_THREADS=1",    nullptr};
+  return owned(GDALCreateCopy(driver, out.c_str(), numbers, FALSE,
+                              const_cast<char**>(options.data()), nullptr, nullptr));
+}
 
 /// A file's bytes in the address space; the system keeps in memory what is looked at.
 class MappedFile {
@@ -116,7 +134,6 @@ Dataset Writer::described(const std::string& crs,
 bool Writer::holds(GDALDatasetH file) const {
   const auto columns = static_cast<int>(raster_.grid.columns);
   const auto rows = static_cast<int>(raster_.grid.rows);
-  constexpr int kRows = 256;  // of a read; tiles are 512
   std::vector<std::uint8_t> read(raster_.grid.columns * kRows * number_bytes());
   for (std::size_t i = 0; i < raster_.bands.size(); ++i) {
     const GDALRasterBandH band = GDALGetRasterBand(file, static_cast<int>(i) + 1);
@@ -148,17 +165,11 @@ void Writer::write(const std::string& crs, const std::map<std::string, std::stri
   const Dataset numbers = described(crs, metadata);
   const GDALDriverH driver = GDALGetDriverByName("COG");
   check(driver != nullptr);
-  std::array<const char*, 6> options = {"COMPRESS=DEFLATE", "PREDICTOR=YES",
-                                        "BIGTIFF=IF_SAFER", "OVERVIEW_RESAMPLING=AVERAGE",
-                                        "NUM_THREADS=1",    nullptr};
-  Dataset file = owned(GDALCreateCopy(driver, out_.c_str(), numbers.get(), FALSE,
-                                      const_cast<char**>(options.data()), nullptr, nullptr));
+  Dataset file = copied(driver, numbers.get(), out_);
   check(file != nullptr);
   file.reset();  // writes what is left
   check(true);
-  const std::array<const char*, 2> drivers = {"GTiff", nullptr};
-  const Dataset written = owned(GDALOpenEx(out_.c_str(), GDAL_OF_RASTER | GDAL_OF_READONLY,
-                                           drivers.data(), nullptr, nullptr));
+  const Dataset written = opened(out_, "GTiff");
   check(written != nullptr &&
         GDALGetRasterCount(written.get()) == static_cast<int>(raster_.bands.size()));
   check(holds(written.get()));
@@ -178,6 +189,47 @@ void write_cloud_optimized(const RawRaster& raster, const std::string& crs,
     throw NoAnswerError("the raster has too many cells; larger cells give fewer");
   }
   Writer(raster, out).write(crs, metadata);
+}
+
+void copy_cloud_optimized(const std::string& raster, const std::string& name,
+                          const std::string& out) {
+  const Complaints complaints;
+  const CPLConfigOptionSetter no_side_file("GDAL_PAM_ENABLED", "NO", false);
+  GDALSetCacheMax64(64 << 20);
+  GDALRegister_VRT();
+  GDALRegister_GTiff();
+  GDALRegister_COG();
+  const auto check = [&](bool is_done) {
+    const std::string reason = complaints.first();
+    if (is_done && reason.empty()) return;
+    throw OutputError(name, "GDAL cannot write it" + (reason.empty() ? "" : ": " + reason));
+  };
+  const Dataset from = opened(raster, "VRT");
+  if (from == nullptr) throw InputError(raster, "GDAL cannot read it: " + complaints.first());
+  const GDALDriverH driver = GDALGetDriverByName("COG");
+  check(driver != nullptr);
+  Dataset file = copied(driver, from.get(), out);
+  check(file != nullptr);
+  file.reset();  // writes what is left
+  check(true);
+  const Dataset written = opened(out, "GTiff");
+  check(written != nullptr && GDALGetRasterCount(written.get()) == GDALGetRasterCount(from.get()));
+  const int columns = GDALGetRasterXSize(from.get()), rows = GDALGetRasterYSize(from.get());
+  std::vector<float> expected(static_cast<std::size_t>(columns) * kRows), found(expected.size());
+  for (int band = 1; band <= GDALGetRasterCount(from.get()); ++band) {
+    for (int row = 0; row < rows; row += kRows) {
+      const int count = std::min(kRows, rows - row);
+      for (const auto& [dataset, values] :
+           {std::pair(from.get(), &expected), std::pair(written.get(), &found)}) {
+        check(GDALRasterIO(GDALGetRasterBand(dataset, band), GF_Read, 0, row, columns, count,
+                           values->data(), columns, count, GDT_Float32, 0, 0) == CE_None);
+      }
+      check(expected == found);
+    }
+  }
+  if (GDALGetSpatialRef(from.get()) != nullptr && GDALGetSpatialRef(written.get()) == nullptr) {
+    throw NoAnswerError(name + ": a GeoTIFF cannot name the coordinate system");
+  }
 }
 
 std::vector<std::string> files_beside_cloud_optimized(const std::string& out) {

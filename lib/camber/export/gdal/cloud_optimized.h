@@ -33,6 +33,14 @@ void write_cloud_optimized(const RawRaster& raster, const std::string& crs,
                            const std::map<std::string, std::string>& metadata,
                            const std::string& out);
 
+/// The same of a raster that GDAL opens by its virtual format (VRT), with what that states.
+/// @param raster  path of the file
+/// @param name    of the output, for messages
+/// @throws InputError where the raster, or a file of it, cannot be read; else as
+///         write_cloud_optimized()
+void copy_cloud_optimized(const std::string& raster, const std::string& name,
+                          const std::string& out);
+
 /// Files that GDAL may leave beside `out` where it breaks down.
 std::vector<std::string> files_beside_cloud_optimized(const std::string& out);
 

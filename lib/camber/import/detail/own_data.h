@@ -2,6 +2,7 @@
 
 #include "camber/image/image.h"
 #include "camber/import/formats/calibration.h"
+#include "camber/import/formats/trajectory.h"
 #include "camber/import/import_own.h"
 
 namespace camber {
@@ -40,6 +41,8 @@ void put_own_masks(Scene& scene, const std::filesystem::path& folder, const std:
 void put_own_poses(Scene& scene, const std::filesystem::path& file, double scale, OwnImport& out);
 void put_own_speeds(Scene& scene, const std::filesystem::path& file, const std::string& offset,
                     OwnImport& out);
+/// Speeds between samples of rising time, at most `gap` seconds apart. @return how many frames.
+std::size_t put_speeds(Scene& scene, const std::vector<SpeedSample>& samples, double gap);
 void put_own_up(Scene& scene, const std::filesystem::path& file, double sigma, OwnImport& out);
 /// The positions of a GNSS receiver, or of KITTI's oxts with its headings, as the frames'
 /// map_position. Where options.crs is empty it is the UTM zone of the first position.

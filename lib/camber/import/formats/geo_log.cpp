@@ -10,6 +10,7 @@
 #include "camber/core/read_file.h"
 #include "camber/import/formats/detail/delimited_lines.h"
 #include "camber/import/formats/detail/document.h"
+#include "camber/import/formats/detail/subtitle_log.h"
 #include "camber/import/formats/detail/xml_file.h"
 #include "camber/import/formats/frame_files.h"
 #include "camber/import/formats/trajectory.h"
@@ -628,7 +629,8 @@ bool has_stamped_sentences(const std::string& text) {
 /// Whether a file is a log of a receiver rather than a table.
 bool is_log(const std::string& text, std::size_t first) {
   return text[first] == '<' || text[first] == '$' || text[first] == '%' ||
-         text.find("\n$G") != std::string::npos || has_stamped_sentences(text);
+         text.find("\n$G") != std::string::npos || has_stamped_sentences(text) ||
+         are_subtitles(text);
 }
 
 }  // namespace
@@ -643,7 +645,18 @@ GeoLog read_geo_log(const fs::path& path) {
     return read_nmea(text);
   if (has_stamped_sentences(text)) return read_nmea(text);
   if (text[first] == '%') return read_rtklib(text, path);
+  if (are_subtitles(text)) return read_subtitle_log(text);
   return read_csv(path, separator_of(text));
+}
+
+std::vector<SpeedSample> speeds_of_log(const GeoLog& log) {
+  std::vector<SpeedSample> out;
+  if (!log.speeds.empty()) {
+    add_segment(log.speeds, &out);
+  } else {
+    for (const std::vector<GeoPoint>& segment : log.segments) add_segment(segment, &out);
+  }
+  return out;
 }
 
 SpeedLog read_speeds(const fs::path& path) {
@@ -657,11 +670,7 @@ SpeedLog read_speeds(const fs::path& path) {
     out.form = read.form;
     out.times_of_day = read.form == "NMEA" && read.times_of_day;
     out.leap_seconds = read.leap_seconds;
-    if (!read.speeds.empty()) {
-      add_segment(read.speeds, &out.samples);
-    } else {
-      for (const std::vector<GeoPoint>& segment : read.segments) add_segment(segment, &out.samples);
-    }
+    out.samples = speeds_of_log(read);
   } else {
     const DelimitedLines probe(path, separator_of(text));
     if (probe.lines().empty())

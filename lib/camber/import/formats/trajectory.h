@@ -49,7 +49,7 @@ struct GeoPoint {
 
 /// A log of a receiver.
 struct GeoLog {
-  std::string form;                             ///< "GPX", "NMEA", "RTKLIB" or "CSV"
+  std::string form;                             ///< "GPX", "NMEA", "RTKLIB", "CSV", "subtitles"
   std::string version, creator;                 ///< of GPX
   std::size_t tracks = 0;                       ///< of GPX
   std::vector<std::vector<GeoPoint>> segments;  ///< of tracks; NMEA and CSV: one
@@ -60,14 +60,16 @@ struct GeoLog {
   int wrong_checksums = 0, other_lines = 0, valid_rmc = 0;
   std::vector<std::string> columns;  ///< of CSV
   bool times_of_day = false;         ///< NMEA without a date: seconds since midnight
+  bool of_film = false;              ///< times since the first frame of a film
   /// RTKLIB in GPS time: what it is ahead of UTC, s. The points' times are as written.
   double leap_seconds = 0.0;
 };
 
 /// Reads GPX 1.0 and 1.1, NMEA 0183 (positions of GGA with a fix, else of RMC, speeds of RMC and
 /// VTG; sentences with a wrong checksum are counted and left out; a time stamp in brackets may
-/// stand around a sentence, as dash cameras write), RTKLIB's .pos (degrees) or CSV with latitude
-/// and longitude, by time or frame. Fixes that the log calls RTK have sigmas of centimetres.
+/// stand around a sentence, as dash cameras write), RTKLIB's .pos (degrees), CSV with latitude and
+/// longitude, by time or frame, or the subtitles (SubRip) of a film that state positions. Fixes
+/// that the log calls RTK have sigmas of centimetres.
 /// @throws InputError "file: position: found, expected".
 GeoLog read_geo_log(const std::filesystem::path& path);
 
@@ -90,6 +92,9 @@ struct SpeedLog {
   double leap_seconds = 0.0;  ///< as GeoLog's
 };
 SpeedLog read_speeds(const std::filesystem::path& path);
+
+/// The speeds that a log states, else those by its positions and times; in its order.
+std::vector<SpeedSample> speeds_of_log(const GeoLog& log);
 
 /// One record of KITTI's oxts, of the frame that its file is numbered by.
 struct OxtsRecord {

@@ -377,6 +377,11 @@ AssembledRoad assemble(const LoadedFrames& frames, const Correspondences& matche
   if (method == VehicleMethod::kJoint) {
     add_vehicle_patches(frames, ground, judged, planes, plan, placed, &surface, &vehicles);
   }
+  if (method != VehicleMethod::kReprojection) {
+    for (std::vector<VehicleEstimate>& of_frame : vehicles) {
+      for (VehicleEstimate& v : of_frame) detail::state_ground(&v);
+    }
+  }
   surface.links = links_of(graph, planes.changes, surface);
   out.vehicles = vehicle_document(frames, placed, std::move(vehicles), method, scaled.metric);
   out.cloud = road_cloud(frames, matches, ground, road, scaled.metric, surface, road_patches,

@@ -27,6 +27,12 @@ enum class Joining {
   kExcess,   ///< what it has more than all before
 };
 
+/// Whose error it may be.
+enum class Reach {
+  kWindow,  ///< of one window: its road
+  kCamera,  ///< of all windows: height, focal length, mounting, speeds, sizes
+};
+
 /// What follows from a finding that is so many standard deviations off the others.
 struct Rule {
   const char* name;
@@ -35,39 +41,43 @@ struct Rule {
   double named_from;   ///< from here on it is warned of
   const char* code;
   Joining joining;
+  Reach reach;
   const char* reported_as;  ///< among the constraints of run.json; null: it is there already
 };
 
 /// The rules, in the order in which warnings are given.
 std::array<Rule, 17> rules(const ScaleNoise& noise) {
   const double start = noise.contradiction_start, gate = Constraint().gate;
-  const auto source = [&](const char* name) {
-    return Rule{name, start, gate, gate, kScale, Joining::kLargest, nullptr};
+  constexpr auto kLargest = Joining::kLargest;
+  constexpr auto kWindow = Reach::kWindow, kCamera = Reach::kCamera;
+  const auto source = [&](const char* name, Reach reach) {
+    return Rule{name, start, gate, gate, kScale, kLargest, reach, nullptr};
   };
   const auto check = [](const char* name, double from, const char* code, Joining joining,
-                        const char* reported_as) {
-    return Rule{name, from, from, from, code, joining, reported_as};
+                        Reach reach, const char* reported_as) {
+    return Rule{name, from, from, from, code, joining, reach, reported_as};
   };
   constexpr double kPlainlyOff = 1.0;  // of its limit
   return {{
-      source("known_poses"),
-      source("camera_height"),
-      source("speed"),
-      source("lane_markings"),
-      source("road_width"),
-      check("travel_direction", kPlainlyOff, kScale, Joining::kLargest, nullptr),
-      {"intensities", 0.0, 0.0, noise.gate, kScale, Joining::kLargest, nullptr},
-      {"unfound_share", 0.0, 0.0, kNever, kScale, Joining::kLargest, nullptr},
-      check("unfound_road", kPlainlyOff, kScale, Joining::kLargest, nullptr),
-      {"alternative_spread", 0.0, 0.0, kNever, kScale, Joining::kLargest, nullptr},
-      check("off_road", kPlainlyOff, kScale, Joining::kLargest, nullptr),
-      check("plane_search", noise.gate, kScale, Joining::kLargest, "plane_search"),
-      check("turn", noise.gate, kFocalLength, Joining::kLargest, "focal_length"),
-      check("unmatched_markings", kPlainlyOff, kScale, Joining::kLargest, nullptr),
+      source("known_poses", kWindow),
+      source("camera_height", kCamera),
+      source("speed", kCamera),
+      source("lane_markings", kCamera),
+      source("road_width", kWindow),
+      check("travel_direction", kPlainlyOff, kScale, kLargest, kCamera, nullptr),
+      {"intensities", 0.0, 0.0, noise.gate, kScale, kLargest, kWindow, nullptr},
+      {"unfound_share", 0.0, 0.0, kNever, kScale, kLargest, kWindow, nullptr},
+      check("unfound_road", kPlainlyOff, kScale, kLargest, kWindow, nullptr),
+      {"alternative_spread", 0.0, 0.0, kNever, kScale, kLargest, kWindow, nullptr},
+      check("off_road", kPlainlyOff, kScale, kLargest, kWindow, nullptr),
+      check("plane_search", noise.gate, kScale, kLargest, kWindow, "plane_search"),
+      check("turn", noise.gate, kFocalLength, kLargest, kCamera, "focal_length"),
+      check("unmatched_markings", kPlainlyOff, kScale, kLargest, kCamera, nullptr),
       {"vehicle_sizes", noise.vehicle_sizes_start, noise.vehicle_sizes_gate,
-       noise.vehicle_sizes_gate, kScale, Joining::kAdded, "vehicle_sizes"},
-      check("dashes", noise.gate, kFocalLength, Joining::kExcess, "focal_length"),
-      check("proportions", noise.focal_length_gate, kFocalLength, Joining::kExcess, "focal_length"),
+       noise.vehicle_sizes_gate, kScale, Joining::kAdded, kCamera, "vehicle_sizes"},
+      check("dashes", noise.gate, kFocalLength, Joining::kExcess, kCamera, "focal_length"),
+      check("proportions", noise.focal_length_gate, kFocalLength, Joining::kExcess, kCamera,
+            "focal_length"),
   }};
 }
 
@@ -262,6 +272,10 @@ class Ruling {
       for (const Finding& finding : findings) {
         if (finding.rule != rule.name) continue;
         const double variance = apply(rule, finding, judged);
+        if (rule.reach == Reach::kCamera) {
+          double& common = judged->common_contradiction_variance;
+          common = std::max(common, variance);
+        }
         if (joining == Joining::kAdded) judged->contradiction_variance += variance;
         largest = std::max(largest, variance);
       }
@@ -311,7 +325,7 @@ JudgedRoad judge(const ScaledRoad& scaled, const std::optional<RoadLayer>& layer
   std::vector<Constraint> constraints;
   for (const VehicleConstraint& v : vehicles.constraints) constraints.push_back(v.constraint);
   FusedRoad fused = fuse(scaled.road, constraints, noise.vehicle_population);
-  JudgedRoad out{std::move(fused.road),    scaled.metric,  {}, 0.0,
+  JudgedRoad out{std::move(fused.road),    scaled.metric,  {}, 0.0, 0.0,
                  std::move(fused.reports), scaled.reports, {}, {}};
   if (scaled.by_what_passes) {
     out.warnings.push_back({"road_repeated",

@@ -29,6 +29,9 @@ struct JudgedRoad {
   /// Variance of the logarithm of the scale by what contradicts it: in the road, not in what was
   /// placed on it before.
   double contradiction_variance = 0.0;
+  /// The part of it by what is wrong in every window of a camera: its height, focal length, speeds,
+  /// sizes; not its road.
+  double common_contradiction_variance = 0.0;
   std::vector<ConstraintReport> of_vehicles;  ///< in the order of PlacedVehicles::constraints
   std::vector<ConstraintReport> reports;      ///< of all sources and checks
   std::vector<RunDocument::Warning> warnings;

@@ -152,7 +152,7 @@ LaneMarkingSizes marking_sizes(const Scene& scene) {
 }
 
 KnownMetres known_metres(const Scene& scene, const std::vector<int>& frame_ids, double frame_rate) {
-  KnownMetres out{scene.height_above_road, scene.height_sigma, marking_sizes(scene), {}, 0.0};
+  KnownMetres out{scene.height_above_road, scene.height_sigma, marking_sizes(scene), {}, {}};
   SpeedWeights weights;
   for (std::size_t k = 1; k < frame_ids.size(); ++k) {
     out.travelled.push_back(

@@ -14,6 +14,7 @@
 #include "camber/image/image.h"
 #include "camber/scale/lane_marking_detection.h"
 #include "camber/scene/scene.h"
+#include "camber/scene/travelled.h"
 
 namespace camber {
 
@@ -26,7 +27,7 @@ struct KnownMetres {
   /// are not used, m; nothing where one of the two has none. One between without a speed is passed
   /// over.
   std::vector<std::optional<double>> travelled;
-  double travelled_sigma = 0.0;  ///< m, of the known ones together
+  DistanceSigma travelled_sigma;  ///< of the known ones together
 
   /// Whether some stretch is known by its speed.
   bool has_speed() const;

@@ -3,11 +3,14 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
+#include <iterator>
+#include <limits>
 #include <map>
 #include <mutex>
 #include <tuple>
 #include <unordered_map>
 
+#include "camber/core/radix_sort.h"
 #include "camber/core/threads.h"
 #include "camber/road/unmodelled.h"
 
@@ -56,24 +59,6 @@ struct PlaceHash {
                                     static_cast<std::uint64_t>(p.second));
   }
 };
-using PointLists = std::unordered_map<Place, std::vector<std::uint32_t>, PlaceHash>;
-
-PointLists sort_into_blocks(const RoadCloud& cloud) {
-  PointLists out;
-  std::vector<std::uint32_t>* list = nullptr;
-  Place last{0, 0};
-  for (std::size_t i = 0; i < cloud.size(); ++i) {
-    Steps s;
-    if (!steps_of(cloud, i, &s)) continue;
-    const Place place{block_of(s[1]), block_of(s[0])};
-    if (!list || place != last) {
-      list = &out[place];
-      last = place;
-    }
-    list->push_back(static_cast<std::uint32_t>(i));
-  }
-  return out;
-}
 
 /// A point of a block, in steps from its corner.
 struct BlockPoint {
@@ -82,26 +67,84 @@ struct BlockPoint {
   std::uint32_t index;
 };
 
-/// The block's points and those around it, by y, x, height.
-std::vector<BlockPoint> gather(const RoadCloud& cloud, const PointLists& lists,
-                               const Place& place) {
-  std::vector<BlockPoint> out;
-  for (std::int64_t dy = -1; dy <= 1; ++dy) {
-    for (std::int64_t dx = -1; dx <= 1; ++dx) {
-      const auto found = lists.find({place.first + dy, place.second + dx});
-      if (found == lists.end()) continue;
-      for (const std::uint32_t i : found->second) {
-        Steps s{};
-        steps_of(cloud, i, &s);
-        const std::int64_t x = s[0] - place.second * kSide, y = s[1] - place.first * kSide;
-        if (x < -kHalo || x >= kSide + kHalo || y < -kHalo || y >= kSide + kHalo) continue;
-        out.push_back({static_cast<std::int32_t>(x), static_cast<std::int32_t>(y), s[2], i});
-      }
+/// Of a block the points, ascending: those in it, and those in its halo.
+struct PointList {
+  std::vector<std::uint32_t> own, around;
+};
+using PointLists = std::unordered_map<Place, PointList, PlaceHash>;
+
+PointLists sort_into_blocks(const RoadCloud& cloud) {
+  PointLists out;
+  PointList* list = nullptr;
+  Place last{0, 0};
+  for (std::size_t i = 0; i < cloud.size(); ++i) {
+    Steps s;
+    if (!steps_of(cloud, i, &s)) continue;
+    const Place place{block_of(s[1]), block_of(s[0])};
+    if (!list || place != last) {
+      list = &out[place];  // stays where it is
+      last = place;
+    }
+    const auto index = static_cast<std::uint32_t>(i);
+    list->own.push_back(index);
+    // Which neighbours' halos it lies in.
+    const std::int64_t x = s[0] - place.second * kSide, y = s[1] - place.first * kSide;
+    const int east = x < kHalo            ? -1
+                     : x >= kSide - kHalo ? 1
+                                          : 0,
+              north = y < kHalo            ? -1
+                      : y >= kSide - kHalo ? 1
+                                           : 0;
+    if (east != 0) out[{place.first, place.second + east}].around.push_back(index);
+    if (north != 0) out[{place.first + north, place.second}].around.push_back(index);
+    if (east != 0 && north != 0) {
+      out[{place.first + north, place.second + east}].around.push_back(index);
     }
   }
-  std::sort(out.begin(), out.end(), [](const BlockPoint& l, const BlockPoint& r) {
-    return std::tie(l.y, l.x, l.z, l.index) < std::tie(r.y, r.x, r.z, r.index);
-  });
+  return out;
+}
+
+/// The block's points and those around it, but for what lies far above the lowest (of nothing on
+/// Earth), by y, x, height. @param height  out: steps, a multiple of a block's side below all
+std::vector<BlockPoint> gather(const RoadCloud& cloud, const PointList& list, const Place& place,
+                               std::int64_t* height) {
+  std::vector<std::uint32_t> rows;
+  rows.reserve(list.own.size() + list.around.size());
+  std::merge(list.own.begin(), list.own.end(), list.around.begin(), list.around.end(),
+             std::back_inserter(rows));
+  std::vector<BlockPoint> points;
+  points.reserve(rows.size());
+  std::int64_t lowest = std::numeric_limits<std::int64_t>::max();
+  for (const std::uint32_t i : rows) {
+    Steps s{};
+    steps_of(cloud, i, &s);
+    points.push_back({static_cast<std::int32_t>(s[0] - place.second * kSide),
+                      static_cast<std::int32_t>(s[1] - place.first * kSide), s[2], i});
+    lowest = std::min(lowest, s[2]);
+  }
+  *height = block_of(lowest) * kSide;
+  struct Item {
+    std::uint64_t code;
+    std::uint32_t at;
+  };
+  constexpr int kPlanBits = 17, kHeightBits = 24;
+  static_assert(kSide + 2 * kHalo <= std::int64_t{1} << kPlanBits);
+  static_assert(kMostHeight == std::int64_t{1} << kHeightBits);
+  std::vector<Item> items;
+  items.reserve(points.size());
+  for (std::size_t k = 0; k < points.size(); ++k) {
+    const BlockPoint& p = points[k];
+    if (p.z - *height >= kMostHeight) continue;
+    items.push_back({(static_cast<std::uint64_t>(p.y + kHalo) << kPlanBits |
+                      static_cast<std::uint64_t>(p.x + kHalo))
+                             << kHeightBits |
+                         static_cast<std::uint64_t>(p.z - *height),
+                     static_cast<std::uint32_t>(k)});
+  }
+  radix_sort(&items, 2 * kPlanBits + kHeightBits);
+  std::vector<BlockPoint> out;
+  out.reserve(items.size());
+  for (const Item& item : items) out.push_back(points[item.at]);
   return out;
 }
 
@@ -158,19 +201,13 @@ RoadCloud cloud_of(const RoadCloud& cloud, const std::vector<BlockPoint>& points
 }
 
 /// @param labels  by points of the cloud: the piece of the block's own points
-PatchBlock fit_block(const RoadCloud& cloud, const PointLists& lists, const Place& place,
+PatchBlock fit_block(const RoadCloud& cloud, const PointList& list, const Place& place,
                      const RoadSurfaceOptions& options, std::vector<int>* labels) {
   PatchBlock out;
   out.row = place.first;
   out.column = place.second;
-  std::vector<BlockPoint> points = gather(cloud, lists, place);
-  std::int64_t height = points.front().z;
-  for (const BlockPoint& p : points) height = std::min(height, p.z);
-  height = block_of(height) * kSide;
-  // Far above the lowest: of nothing on Earth.
-  points.erase(std::remove_if(points.begin(), points.end(),
-                              [&](const BlockPoint& p) { return p.z - height >= kMostHeight; }),
-               points.end());
+  std::int64_t height = 0;
+  const std::vector<BlockPoint> points = gather(cloud, list, place, &height);
   out.height = static_cast<double>(height) / kSteps;
   const RoadCloud block = cloud_of(cloud, points, height);
   CloudPart part;
@@ -531,8 +568,8 @@ PatchBlocks fit_patch_blocks(const RoadCloud& cloud, const std::vector<std::uint
   const PointLists lists = sort_into_blocks(cloud);
   std::vector<Place> places;
   for (const auto& [place, list] : lists) {
-    const auto asked = [&](std::uint32_t i) { return own[i] != 0; };
-    if (own.empty() || std::any_of(list.begin(), list.end(), asked)) places.push_back(place);
+    const auto asked = [&](std::uint32_t i) { return own.empty() || own[i] != 0; };
+    if (std::any_of(list.own.begin(), list.own.end(), asked)) places.push_back(place);
   }
   std::sort(places.begin(), places.end());
   PatchBlocks out;
@@ -544,14 +581,14 @@ PatchBlocks fit_patch_blocks(const RoadCloud& cloud, const std::vector<std::uint
   std::mutex mutex;
   std::size_t done = 0;
   parallel_for(places.size(), options.num_threads, [&](std::size_t k) {
-    out.blocks[k] = fit_block(cloud, lists, places[k], inside, &out.labels);
+    out.blocks[k] = fit_block(cloud, lists.at(places[k]), places[k], inside, &out.labels);
     if (!progress) return;
     const std::lock_guard<std::mutex> lock(mutex);
     progress("patches", 0.9 * static_cast<double>(++done) / static_cast<double>(places.size()));
   });
   int base = 0;
   for (std::size_t k = 0; k < places.size(); ++k) {
-    for (const std::uint32_t i : lists.at(places[k])) {
+    for (const std::uint32_t i : lists.at(places[k]).own) {
       if (out.labels[i] >= 0) out.labels[i] += base;
     }
     base += static_cast<int>(out.blocks[k].pieces.size());

@@ -24,7 +24,6 @@ namespace kernels = plane_kernels;
 
 namespace {
 
-constexpr std::size_t kMostPoints = 262144;  // that take part in finding the patches
 constexpr double kRoughness = 0.01;      // m, of ground; its points lie on no plane more tightly
 constexpr double kCrowded = 0.12;        // share of crowded leaves that shows another layer
 constexpr double kFloatRounding = 4e-7;  // of the spread, of coordinates and their sums
@@ -300,7 +299,7 @@ PatchLayer find_patches_once(const RoadCloud& cloud, const Vector3d& up,
                              const CloudPart* part, const std::function<void(double)>& report) {
   PatchLayer layer;
   layer.labels.assign(cloud.size(), -1);
-  GroundTree tree(cloud, up, options.seed, kMostPoints, options.num_threads);
+  GroundTree tree(cloud, up, options.seed, kMostPatchPoints, options.num_threads);
   if (tree.size() < 3) {
     layer.reason = fmt::format("{} usable points, at least 3 are needed", tree.size());
     return layer;
@@ -346,8 +345,8 @@ PatchLayer find_patches_once(const RoadCloud& cloud, const Vector3d& up,
   }
   report(0.8);
 
-  PatchLabels labels =
-      label_patches(cloud, cloud.size() <= kMostPoints, tree, segmentation, options.num_threads);
+  PatchLabels labels = label_patches(cloud, cloud.size() <= kMostPatchPoints, tree, segmentation,
+                                     options.num_threads);
   const std::vector<int>& row_labels = labels.rows;
   layer.labels = std::move(labels.cloud);
   std::vector<int> counts(segmentation.regions.size(), 0);

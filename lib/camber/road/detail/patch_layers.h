@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <functional>
 #include <optional>
@@ -26,6 +27,9 @@ struct PatchSums {
   PlanPolygon outline;               ///< of the part, in plan; empty: hardly any points
 };
 
+/// Points of a cloud that are segmented at once: larger ones are represented by about so many.
+inline constexpr std::size_t kMostPatchPoints = 262144;
+
 /// Patches of one layer of a cloud: at each place at most one.
 struct PatchLayer {
   std::string reason;  ///< why there are no patches, if so
@@ -48,7 +52,7 @@ struct CloudPart {
 };
 
 /// Finds the patches of a cloud, also where ground lies above ground: layer by layer, all joined
-/// into the first. Clouds of more than 262,144 points are represented by about so many.
+/// into the first. Clouds of more than kMostPatchPoints are represented by about so many.
 /// @param part  nullptr: no sums, and borders everywhere; else borders whose leaves begin in it.
 ///              Level frames with z up only.
 PatchLayer find_patch_layers(const RoadCloud& cloud, const Eigen::Vector3d& up,

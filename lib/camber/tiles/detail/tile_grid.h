@@ -24,7 +24,4 @@ class TileAxis {
   std::int64_t tile_ = 0, low_ = 0, high_ = 0;  // of the last one
 };
 
-/// The bits of x and y in turn: places that are near each other have mostly near codes.
-std::uint64_t plan_code(std::uint32_t x, std::uint32_t y);
-
 }  // namespace camber::detail

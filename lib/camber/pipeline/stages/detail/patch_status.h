@@ -10,6 +10,7 @@
 
 #include "camber/core/status.h"
 #include "camber/geometry/plane.h"
+#include "camber/vehicle/vehicle_estimate.h"
 
 namespace camber::stages::detail {
 
@@ -29,6 +30,15 @@ inline Judgement patch_status(const UncertainPlane& plane, const std::string& un
   const double sigma = std::sqrt(plane.covariance(2, 2));
   if (sigma > kWeakHeight) return {Status::kWeak, fmt::format("height known to {:.2f} m", sigma)};
   return {};
+}
+
+/// A vehicle on ground that is known that badly is weak, however well its keypoints agree: it
+/// may be no vehicle, or none on that ground.
+inline void state_ground(VehicleEstimate* vehicle) {
+  if (vehicle->status != Status::kOk || !(vehicle->plane_sigma_height > kWeakHeight)) return;
+  vehicle->status = Status::kWeak;
+  vehicle->reason =
+      fmt::format("the plane below it is known to {:.2f} m", vehicle->plane_sigma_height);
 }
 
 inline Judgement scale_status(double relative_sigma) {

@@ -40,8 +40,9 @@ std::optional<Constraint> measure_speed(const RoadPosterior& road, const LoadedF
     baselines += (center(k + 1) - center(k)).norm();
     ++stretches;
   }
-  if (stretches == 0 || !(frames.known.travelled_sigma > 0.0)) return std::nullopt;
-  return speed_constraint(road, {metres, frames.known.travelled_sigma}, baselines, stretches,
+  const DistanceSigma& sigma = frames.known.travelled_sigma;
+  if (stretches == 0 || !(sigma.together() > 0.0)) return std::nullopt;
+  return speed_constraint(road, {metres, sigma.together(), sigma.common}, baselines, stretches,
                           noise.speed_path);
 }
 
