@@ -38,13 +38,13 @@ std::string zstd(std::string_view bytes) {
 
 class Feather : public ::testing::Test {
  protected:
-  FeatherTable read(const std::string& bytes) { return read_feather(written(bytes)); }
+  static FeatherTable read(const std::string& bytes) { return read_feather(bytes, "made"); }
   std::filesystem::path written(const std::string& bytes) {
     const auto path = folder_.path() / "table.feather";
     std::ofstream(path, std::ios::binary) << bytes;
     return path;
   }
-  std::string refusal(const std::string& bytes) {
+  static std::string refusal(const std::string& bytes) {
     try {
       read(bytes);
     } catch (const InputError& error) {
@@ -132,7 +132,8 @@ TEST_F(Feather, TextsOfValuesReadBack) {
 }
 
 TEST_F(Feather, ATableWithoutRows) {
-  const FeatherTable table = read(test::feather_bytes({{"x", std::vector<double>{}}}));
+  const FeatherTable table =
+      read_feather(written(test::feather_bytes({{"x", std::vector<double>{}}})));
   EXPECT_EQ(table.rows, 0U);
   ASSERT_EQ(table.columns.size(), 1U);
   EXPECT_EQ(table.columns[0].kind, Kind::kNumber);

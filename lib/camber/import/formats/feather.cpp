@@ -561,8 +561,8 @@ struct Dictionary {
 
 class Reader {
  public:
-  explicit Reader(const fs::path& path)
-      : file_(path.string()), text_(read_whole_file(path)), whole_(file_, text_, 0) {}
+  Reader(std::string bytes, std::string name)
+      : file_(std::move(name)), text_(std::move(bytes)), whole_(file_, text_, 0) {}
 
   FeatherTable read() {
     if (text_.compare(0, kFirstVersion.size(), kFirstVersion) == 0) {
@@ -780,6 +780,12 @@ bool is_feather(const fs::path& path) {
   return is_feather(std::string_view(first, static_cast<std::size_t>(file.gcount())));
 }
 
-FeatherTable read_feather(const fs::path& path) { return Reader(path).read(); }
+FeatherTable read_feather(const fs::path& path) {
+  return read_feather(read_whole_file(path), path.string());
+}
+
+FeatherTable read_feather(std::string bytes, const std::string& name) {
+  return Reader(std::move(bytes), name).read();
+}
 
 }  // namespace camber

@@ -48,5 +48,7 @@ bool is_feather(const std::filesystem::path& path);  ///< false also where it ca
 /// File.fbs, Message.fbs, Schema.fbs.
 /// @throws InputError "file: byte N: found, expected".
 FeatherTable read_feather(const std::filesystem::path& path);
+/// The same of bytes in memory. @param name  for messages
+FeatherTable read_feather(std::string bytes, const std::string& name);
 
 }  // namespace camber
