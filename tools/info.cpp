@@ -15,6 +15,7 @@
 #include "camber/core/stopwatch.h"
 #include "camber/core/version.h"
 #include "camber/export/opendrive_reader.h"
+#include "camber/import/formats/feather.h"
 #include "camber/scene/results.h"
 #include "camber/scene/scene.h"
 #include "cloud_arguments.h"
@@ -251,6 +252,23 @@ Description describe_xodr(const fs::path& path) {
   return out;
 }
 
+Description describe_feather(const fs::path& path) {
+  const FeatherTable table = read_feather(path);
+  Description out;
+  json columns = json::array();
+  out.line("format", "Feather (Apache Arrow)");
+  out.line("rows", std::to_string(table.rows));
+  for (const FeatherColumn& column : table.columns) {
+    columns.push_back({{"name", column.name}, {"type", column.type}});
+    out.line(column.name, column.type);
+  }
+  out.object = {{"file", path.string()},
+                {"kind", "feather"},
+                {"rows", table.rows},
+                {"columns", std::move(columns)}};
+  return out;
+}
+
 std::size_t count_vehicles(const VehicleDocument& document) {
   std::size_t count = 0;
   for (const VehicleFrame& frame : document.frames) count += frame.vehicles.size();
@@ -380,6 +398,7 @@ Description describe(const std::string& name, const ReadOptions& options, bool i
   }
   if (is_crg(path)) return describe_crg(path);
   if (is_xodr(path)) return describe_xodr(path);
+  if (is_feather(path)) return describe_feather(path);
   if (fs::is_regular_file(path, error) && looks_like_json(path)) return describe_json(path, warn);
   CloudSummary summary = summarise(*open_point_source(path, options));
   if (summary.crs) {
@@ -400,14 +419,15 @@ Description describe(const std::string& name, const ReadOptions& options, bool i
 }  // namespace
 
 void register_info(App& root) {
-  Command* command = add_command(root, "info",
-                                 "Shows what clouds, OpenCRG and OpenDRIVE roads, COLMAP models, "
-                                 "scene manifests and result folders hold",
-                                 "  camber info road.ply\n"
-                                 "  camber info scan.pcd points.bin --json\n"
-                                 "  camber info damaged.pcd --lenient\n"
-                                 "  camber info points.txt --columns x,y,z,_,intensity\n"
-                                 "  camber info results");
+  Command* command =
+      add_command(root, "info",
+                  "Shows what clouds, OpenCRG and OpenDRIVE roads, COLMAP models, Feather "
+                  "tables, scene manifests and result folders hold",
+                  "  camber info road.ply\n"
+                  "  camber info scan.pcd points.bin --json\n"
+                  "  camber info damaged.pcd --lenient\n"
+                  "  camber info points.txt --columns x,y,z,_,intensity\n"
+                  "  camber info results");
   struct Arguments {
     std::vector<std::string> files;
     CloudArguments cloud;
@@ -415,8 +435,9 @@ void register_info(App& root) {
   };
   const auto arguments = std::make_shared<Arguments>();
   App& app = *command->app;
-  app.add_option("files", arguments->files,
-                 "clouds, .crg, .xodr, scene manifests, result folders or their .json files")
+  app.add_option(
+         "files", arguments->files,
+         "clouds, .crg, .xodr, .feather, scene manifests, result folders or their .json files")
       ->required();
   add_cloud_arguments(app, arguments->cloud);
   app.add_flag("--json", arguments->as_json, "one JSON object on stdout");

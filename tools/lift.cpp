@@ -48,7 +48,7 @@ fs::path surface_file(const std::string& surface) {
 /// Whether boxes are a data set's with z up, not KITTI's.
 bool is_map_boxes(const std::string& labels) {
   const std::string kind = lower_case(fs::path(labels).extension().string());
-  return kind == ".json" || kind == ".csv";
+  return kind == ".json" || kind == ".csv" || kind == ".feather";
 }
 
 /// m around a box's middle in which cells of a GeoTIFF are read: a plane's points, of large cells
@@ -96,6 +96,9 @@ int run_on_map_boxes(const Command& command, const Arguments& args) {
     throw UsageError(fmt::format("{}: found boxes with z up, whose place in plan stays", name));
   }
   check_output_file(args.out);
+  if (lower_case(fs::path(args.out).extension().string()) == ".feather") {
+    throw UsageError("--out: found " + args.out + ", expected .csv, as which tables are written");
+  }
   Timings timings;
   StageTimer load_timer(timings, "load");
   const MapBoxFile file = MapBoxFile::read(args.labels);
@@ -364,7 +367,7 @@ void add_arguments(App& app, Arguments& a) {
   app.add_option("labels", a.labels,
                  "KITTI label file, tracking or object form; or boxes with z up: nuScenes (.json: "
                  "results or "
-                 "annotations) or Argoverse 2 (.csv)")
+                 "annotations) or Argoverse 2 (.feather, .csv)")
       ->required();
   app.add_option(
          "--surface", a.surface,
@@ -373,8 +376,8 @@ void add_arguments(App& app, Arguments& a) {
       ->required();
   app.add_option("--calib", a.calibration, "KITTI calibration file(s), of KITTI labels");
   app.add_option("--poses", a.poses,
-                 "Argoverse 2: poses of the vehicle in the surface's frame by time (.csv: "
-                 "timestamp_ns, qw ... tz_m); without, boxes are in that frame");
+                 "Argoverse 2: poses of the vehicle in the surface's frame by time (.feather or "
+                 ".csv: timestamp_ns, qw ... tz_m); without, boxes are in that frame");
   app.add_option("--out", a.out, "label file to write")->output_file()->required();
   app.add_option("--camera", a.camera, "camera of the surface's images")
       ->check(in_range(0, 3))
@@ -417,8 +420,8 @@ void register_lift(App& root) {
       "  camber lift detector/0009.txt --surface out/0009 --calib calib/0009.txt --out lifted.txt\n"
       "  camber lift 000050.txt --frame 50 --surface out/0009 --calib calib.txt --out lifted.txt "
       "--depth-sigma 0.1\n"
-      "  camber lift boxes.csv --poses city_SE3_egovehicle.csv --surface ground.ply --out "
-      "lifted.csv");
+      "  camber lift annotations.feather --poses city_SE3_egovehicle.feather --surface ground.ply "
+      "--out lifted.csv");
   const auto arguments = std::make_shared<Arguments>();
   add_arguments(*command->app, *arguments);
   command->run = [command, arguments] { return run(*command, *arguments); };

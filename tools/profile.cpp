@@ -185,12 +185,13 @@ struct DrawnPlot {
   Image picture;
 };
 
-DrawnPlot draw(const Arguments& args, const std::vector<ProfilePoint>& profile, bool metric,
-               Timings& timings) {
+DrawnPlot draw(const Arguments& args, const std::vector<ProfilePoint>& profile,
+               const RoadSurface& surface, Timings& timings) {
   DrawnPlot drawn;
   if (args.plot.empty()) return drawn;
   const StageTimer timer(timings, "draw");
-  const PlotSheet sheet = profile_plots(profile, metric, "Profile of the road");
+  const PlotSheet sheet = profile_plots(
+      profile, surface.metric, profile_title("Profile of the road", to_string(surface.level)));
   if (fs::path(args.plot).extension() == ".svg") {
     drawn.svg = plots_svg(sheet);
   } else {
@@ -316,7 +317,7 @@ int run(const Command& command, const Arguments& args) {
                                     in.surface_file.string(), profile.size(), remark_on_line(in)));
   }
   // Drawn before the first file is written: without an answer nothing is.
-  const DrawnPlot plot = draw(args, profile, in.surface.metric, timings);
+  const DrawnPlot plot = draw(args, profile, in.surface, timings);
   const json result = profile_json(command, in.surface, profile, options);
   write(args, profile, in.surface, plot, result, timings);
   args.output.print(result, timings);

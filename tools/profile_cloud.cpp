@@ -236,7 +236,8 @@ int profile_of_cloud(const Command& command, const CloudProfileArguments& args) 
   StageTimer write(timings, "write");
   AtomicFiles files;
   if (!args.plot.empty()) {
-    write_plots(cross_section_profile_plots(profile, cloud.metric, "Profile of the ground"),
+    write_plots(cross_section_profile_plots(profile, cloud.metric,
+                                            profile_title("Profile of the ground", in.level)),
                 {1200, 360, 20.0}, args.plot, &files);
   }
   if (!args.sections.empty()) {

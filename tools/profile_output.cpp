@@ -12,6 +12,13 @@
 
 namespace camber::tools {
 
+std::string profile_title(const std::string& what, const std::string& level) {
+  return what + ", slopes against " +
+         (level == "gravity" ? "gravity"
+          : level == "map"   ? "the map's level"
+                             : "the level of the reference camera");
+}
+
 void ProfileOutput::check() const {
   const std::string kind = std::filesystem::path(out).extension().string();
   if (!out.empty() && kind != ".csv" && kind != ".json") {

@@ -9,6 +9,9 @@
 
 namespace camber::tools {
 
+/// What a plot is of, with what its slopes are against. @param level  as results state it
+std::string profile_title(const std::string& what, const std::string& level);
+
 /// Where the table of camber profile goes.
 struct ProfileOutput {
   std::string out;    ///< FILE.csv or FILE.json; empty: none

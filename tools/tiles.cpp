@@ -392,12 +392,8 @@ int join_surface(const Command& command, const JobArguments& arguments, const Ti
   const RoadSurfaceFit& fit = joined.patches.fit;
   const LogSink warn = make_warning_sink(command.common);
   if (warn && fit.status == Status::kWeak) warn(folder.string() + ": " + fit.reason);
-  RunDocument document;
-  document.seed = joined.options.seed;
+  RunDocument document = run_document(plan, joined);
   add_other_options(command, &*document.options);
-  document.points_kept = {{"on_pieces", static_cast<long>(joined.on_pieces)}};
-  document.points_dropped = {{"on_no_piece", static_cast<long>(joined.points - joined.on_pieces)}};
-  document.input_hashes = {{(plan.folder / "index.json").string(), plan.hash}};
   document.timings = timings;
   write_json(to_json(document), folder / "run.json");
   const std::size_t patches = fit.surface.patches.size();

@@ -20,6 +20,7 @@
 #include "camber/geometry/plane.h"
 #include "camber/geometry/se3.h"
 #include "camber/image/image.h"
+#include "camber/road/consistency_graph.h"
 #include "docstrings.h"
 
 #define CAMBER_DOC(type, name) kDoc_##type##_##name
@@ -75,6 +76,9 @@ RoadCloud cloud_from_points(const py::handle& array, const char* name);
 std::vector<Eigen::Vector3d> to_points(const py::handle& array, const std::string& what);
 
 py::object to_python(const nlohmann::json& json);
+
+/// "continuity", "paper" or "none". @throws std::invalid_argument
+Consistency consistency_of(const std::string& name);
 
 /// 4 x 4, row by row.
 inline Eigen::Matrix4d to_matrix(const SE3& pose) { return pose.matrix(); }

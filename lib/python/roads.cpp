@@ -234,18 +234,6 @@ void bind_plane_fit(py::module_& module) {
           .c_str());
 }
 
-Consistency consistency_of(const std::string& name) {
-  static const std::map<std::string, Consistency> kNames{{"none", Consistency::kNone},
-                                                         {"paper", Consistency::kPaper},
-                                                         {"continuity", Consistency::kContinuity}};
-  const auto found = kNames.find(name);
-  if (found == kNames.end()) {
-    throw std::invalid_argument("consistency: found '" + name +
-                                "', expected 'continuity', 'paper' or 'none'");
-  }
-  return found->second;
-}
-
 void bind_surface_fit(py::module_& module) {
   py::class_<RoadSurfaceFit>(module, "RoadSurfaceFit", "The planar patches of a cloud.")
       .def_property_readonly("status", &status_of<RoadSurfaceFit>,
@@ -368,6 +356,18 @@ void bind_ground(py::module_& module) {
 }
 
 }  // namespace
+
+Consistency consistency_of(const std::string& name) {
+  static const std::map<std::string, Consistency> kNames{{"none", Consistency::kNone},
+                                                         {"paper", Consistency::kPaper},
+                                                         {"continuity", Consistency::kContinuity}};
+  const auto found = kNames.find(name);
+  if (found == kNames.end()) {
+    throw std::invalid_argument("consistency: found '" + name +
+                                "', expected 'continuity', 'paper' or 'none'");
+  }
+  return found->second;
+}
 
 void bind_roads(py::module_& module) {
   bind_patches(module);

@@ -1,12 +1,14 @@
 // plan_tiles, run_tiles and join_tiles: clouds larger than memory.
 
 #include <map>
+#include <nlohmann/json.hpp>
 #include <string>
 #include <utility>
 #include <vector>
 
 #include "camber/cloud/coordinate_system.h"
 #include "camber/import/maps/proj_systems.h"
+#include "camber/scene/results.h"
 #include "camber/tiles/plan_tiles.h"
 #include "camber/tiles/tile_job.h"
 #include "convert.h"
@@ -62,21 +64,39 @@ std::vector<std::size_t> chosen(const TilePlan& plan, const std::optional<std::s
 TileJob job_of(const std::string& name, const fs::path& out) {
   TileJob job;
   job.kind = tile_job_from_string(name);
-  if (job.kind == TileJob::Kind::kPatches || job.kind == TileJob::Kind::kLabels ||
-      job.kind == TileJob::Kind::kCompare || job.kind == TileJob::Kind::kExport ||
-      job.kind == TileJob::Kind::kProfile) {
+  if (job.kind == TileJob::Kind::kExport || job.kind == TileJob::Kind::kProfile) {
     throw std::invalid_argument("job: found '" + name +
-                                "', expected 'ground', 'filter', 'voxels' or 'normals'; camber "
-                                "tiles has the others");
+                                "', expected 'ground', 'filter', 'voxels', 'normals', 'patches', "
+                                "'labels' or 'compare'; camber tiles has the others");
   }
   job.folder = out;
   return job;
+}
+
+/// One surface of the pieces of all tiles, with its files.
+py::dict joined_patches(const TilePlan& plan, const TileJob& job) {
+  const JoinedSurface joined = compute([&] {
+    JoinedSurface out = join_patches(plan, job);
+    write_json(to_json(run_document(plan, out)), job_folder(plan, job) / "run.json");
+    return out;
+  });
+  py::dict done;
+  done["surface"] = job_folder(plan, job) / "surface.json";
+  done["tiles"] = plan.tiles.size();
+  done["points"] = joined.points;
+  done["on_pieces"] = joined.on_pieces;
+  done["pieces"] = joined.patches.pieces;
+  done["patches"] = joined.patches.fit.surface.patches.size();
+  done["links"] = joined.patches.fit.surface.links.size();
+  done["noise"] = joined.patches.fit.noise;
+  return done;
 }
 
 }  // namespace
 
 void bind_tiles(py::module_& module) {
   const TilePlanOptions plan;
+  const TileJob defaults;
   module.def(
       "plan_tiles",
       [](const std::vector<fs::path>& clouds, const fs::path& out, double side,
@@ -122,14 +142,30 @@ void bind_tiles(py::module_& module) {
   module.def(
       "run_tiles",
       [](const fs::path& folder, const std::string& job_name, const fs::path& out, double radius,
-         double voxel, std::optional<int> neighbors, const std::optional<std::size_t>& tile,
-         const std::optional<std::pair<std::size_t, std::size_t>>& shard, int threads,
-         const py::object& progress) {
+         double voxel, std::optional<int> neighbors, double max_slope, double inlier_threshold,
+         int min_patch_points, double tolerance_sigmas, double tolerance, const fs::path& patches,
+         const fs::path& truth, const std::vector<double>& thresholds,
+         const std::optional<std::size_t>& tile,
+         const std::optional<std::pair<std::size_t, std::size_t>>& shard, std::uint64_t seed,
+         int threads, const py::object& progress) {
         TileJob job = job_of(job_name, out);
         job.radius = radius;
         job.voxel = voxel;
         job.neighbors = neighbors.value_or(default_neighbors(job.kind));
+        job.surface.seed = seed;
+        job.surface.num_threads = threads;
+        job.surface.max_slope = max_slope;
+        job.surface.inlier_threshold = inlier_threshold;
+        job.surface.min_patch_points = min_patch_points;
+        job.surface.tolerance_sigmas = tolerance_sigmas;
+        job.surface.tolerance = tolerance;
+        job.patches = patches;
+        job.truth = truth;
+        job.thresholds = thresholds;
         job.num_threads = threads;
+        if (job.kind == TileJob::Kind::kCompare && truth.empty()) {
+          throw std::invalid_argument("truth: found none, expected the folder of another plan");
+        }
         job.validate();
         const TilePlan read = read_tile_plan(folder);
         const std::vector<std::size_t> tiles = chosen(read, tile, shard);
@@ -144,23 +180,49 @@ void bind_tiles(py::module_& module) {
         return done;
       },
       py::arg("plan"), py::arg("job"), py::kw_only(), py::arg("out") = "", py::arg("radius") = 0.0,
-      py::arg("voxel") = 0.0, py::arg("neighbors") = py::none(), py::arg("tile") = py::none(),
-      py::arg("shard") = py::none(), py::arg("threads") = 0, py::arg("progress") = py::none(),
+      py::arg("voxel") = 0.0, py::arg("neighbors") = py::none(),
+      py::arg("max_slope") = defaults.surface.max_slope,
+      py::arg("inlier_threshold") = defaults.surface.inlier_threshold,
+      py::arg("min_patch_points") = defaults.surface.min_patch_points,
+      py::arg("tolerance_sigmas") = defaults.surface.tolerance_sigmas,
+      py::arg("tolerance") = defaults.surface.tolerance, py::arg("patches") = "",
+      py::arg("truth") = "", py::arg("thresholds") = defaults.thresholds,
+      py::arg("tile") = py::none(), py::arg("shard") = py::none(),
+      py::arg("seed") = defaults.surface.seed, py::arg("threads") = 0,
+      py::arg("progress") = py::none(),
       with_keywords("Works on the tiles of a plan; those that are done are passed over.",
                     {{"plan", "folder of plan_tiles()"},
-                     {"job", "'ground', 'filter', 'voxels' or 'normals'"},
+                     {"job",
+                      "'ground', 'filter', 'voxels', 'normals', 'patches', 'labels' (once patches "
+                      "are joined) or 'compare'"},
                      {"out", "folder of the results; '': PLAN/JOB"},
                      {"radius", CAMBER_DOC(TileJob, radius)},
                      {"voxel", CAMBER_DOC(TileJob, voxel)},
                      {"neighbors", CAMBER_DOC(TileJob, neighbors)},
+                     {"max_slope", "of patches, with the four below: as of fit_road_surface()"},
+                     {"patches", CAMBER_DOC(TileJob, patches)},
+                     {"truth", CAMBER_DOC(TileJob, truth)},
+                     {"thresholds", CAMBER_DOC(TileJob, thresholds)},
                      {"tile", "one tile, by its number"},
                      {"shard", "(i, n): part i, from 1, of n"}})
           .c_str());
   module.def(
       "join_tiles",
-      [](const fs::path& folder, const std::string& job_name, const fs::path& out) {
-        const TileJob job = job_of(job_name, out);
+      [](const fs::path& folder, const std::string& job_name, const fs::path& out,
+         const py::object& driven_line, const std::string& consistency, double link_distance,
+         int threads) {
+        TileJob job = job_of(job_name, out);
         const TilePlan read = read_tile_plan(folder);
+        if (job.kind == TileJob::Kind::kPatches) {
+          job.surface.num_threads = threads;
+          if (!driven_line.is_none()) {
+            job.surface.driven_line = to_points(driven_line, "driven_line");
+          }
+          job.surface.consistency.consistency = consistency_of(consistency);
+          job.surface.consistency.link_distance = link_distance;
+          job.surface.validate();
+          return joined_patches(read, job);
+        }
         const JoinedTiles joined = compute([&] { return join_tiles(read, job); });
         py::dict done;
         done["index"] = joined.index;
@@ -170,10 +232,14 @@ void bind_tiles(py::module_& module) {
         return done;
       },
       py::arg("plan"), py::arg("job"), py::kw_only(), py::arg("out") = "",
-      with_keywords("Checks that each tile of a plan is done and writes one index.",
+      py::arg("driven_line") = py::none(), py::arg("consistency") = "continuity",
+      py::arg("link_distance") = defaults.surface.consistency.link_distance, py::arg("threads") = 0,
+      with_keywords("Checks that each tile of a plan is done and writes one index; of patches "
+                    "joins the pieces to one surface, in surface.json and run.json.",
                     {{"plan", "folder of plan_tiles()"},
                      {"job", "as of run_tiles()"},
-                     {"out", "as of run_tiles()"}})
+                     {"out", "as of run_tiles()"},
+                     {"driven_line", "of patches, with the two below: as of fit_road_surface()"}})
           .c_str());
 }
 

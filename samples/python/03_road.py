@@ -8,8 +8,11 @@ import math
 import pathlib
 import sys
 
-import matplotlib
-import numpy
+try:
+    import matplotlib
+    import numpy
+except ImportError as error:
+    sys.exit(f"{error}: apt install python3-matplotlib python3-numpy")
 
 import camber
 

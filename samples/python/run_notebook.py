@@ -15,7 +15,10 @@ import pathlib
 import sys
 from typing import Any, Dict, List
 
-import matplotlib
+try:
+    import matplotlib
+except ImportError as error:
+    sys.exit(f"{error}: apt install python3-matplotlib")
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt  # noqa: E402

@@ -90,6 +90,9 @@ TEST_F(CloudProfiles, AlongPointsToEveryOutput) {
                             "--plot", path("p.svg"), "--sections", path("s.png")});
   ASSERT_EQ(run.exit_code, 0) << run.error;
   EXPECT_THAT(run.out, HasSubstr("41 of 41 stations"));
+  std::ifstream svg(path("p.svg"));
+  EXPECT_THAT(std::string(std::istreambuf_iterator<char>(svg), {}),
+              HasSubstr("slopes against gravity"));
   std::ifstream in(path("p.csv"));
   std::string header;
   std::getline(in, header);

@@ -10,6 +10,7 @@
 #include <string>
 
 #include "export_program.h"
+#include "support/feather_writer.h"
 
 namespace camber {
 namespace {
@@ -121,6 +122,49 @@ TEST_F(RoadFiles, BoxesOfDataSetsAreLifted) {
   EXPECT_NEAR(lifted["rows"][0]["rise"].get<double>(), 2.0 - (1.0 + 0.9 - 0.75), 0.02);
   EXPECT_THAT(test::read_text(file("lifted.csv")),
               HasSubstr(",500.000000,0.000000,0.900000,failed,"));
+  // The same as Feather files.
+  const auto column = [](const char* name, double first, double second) {
+    return test::WrittenColumn{name, std::vector<double>{first, second}};
+  };
+  std::ofstream(file("boxes.feather"), std::ios::binary)
+      << test::feather_bytes({{"timestamp_ns", std::vector<std::int64_t>{5, 5}},
+                              {"category", std::vector<std::string>{"CAR", "CAR"}, false, true},
+                              column("length_m", 4, 4),
+                              column("width_m", 1.8, 1.8),
+                              column("height_m", 1.5, 1.5),
+                              column("qw", 1, 1),
+                              column("qx", 0, 0),
+                              column("qy", 0, 0),
+                              column("qz", 0, 0),
+                              column("tx_m", 10, 500),
+                              column("ty_m", 0, 0),
+                              column("tz_m", 0.9, 0.9)});
+  std::ofstream(file("poses.feather"), std::ios::binary)
+      << test::feather_bytes({{"timestamp_ns", std::vector<std::int64_t>{5}},
+                              {"qw", std::vector<double>{1}},
+                              {"qx", std::vector<double>{0}},
+                              {"qy", std::vector<double>{0}},
+                              {"qz", std::vector<double>{0}},
+                              {"tx_m", std::vector<double>{10}},
+                              {"ty_m", std::vector<double>{0}},
+                              {"tz_m", std::vector<double>{1}}});
+  ASSERT_EQ(run_camber({"lift", file("boxes.feather"), "--surface", file("hill.csv"), "--poses",
+                        file("poses.feather"), "--out", file("of_feather.csv")})
+                .exit_code,
+            0);
+  EXPECT_EQ(test::read_text(file("of_feather.csv")), test::read_text(file("lifted.csv")));
+  const json table = json_of({"info", file("boxes.feather"), "--json"})["files"][0];
+  EXPECT_EQ(table["kind"], "feather");
+  EXPECT_EQ(table["rows"], 2);
+  EXPECT_EQ(table["columns"][1]["type"], "dictionary of utf8");
+  EXPECT_ONE_SENTENCE(run_camber({"lift", file("boxes.feather"), "--surface", file("hill.csv"),
+                                  "--out", file("x.feather")}),
+                      2, "expected .csv");
+  const std::string whole = test::read_text(file("boxes.feather"));
+  std::ofstream(file("cut.feather"), std::ios::binary) << whole.substr(0, whole.size() / 2);
+  EXPECT_ONE_SENTENCE(run_camber({"lift", file("cut.feather"), "--surface", file("hill.csv"),
+                                  "--out", file("x.csv")}),
+                      2, "is it cut?");
   std::ofstream(file("nu.json")) << R"([{"translation": [20, 0, 3], "size": [1.8, 4, 1.5],
     "rotation": [1, 0, 0, 0], "category_name": "vehicle.car"}])";
   ASSERT_EQ(run_camber({"patches", file("hill.csv"), "--out", file("patches")}).exit_code, 0);

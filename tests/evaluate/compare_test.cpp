@@ -213,6 +213,7 @@ TEST(CompareShapes, RoadFrameSplitsHeightFromTheRest) {
   const CloudComparison c = compare_shapes(estimate, truth, options);
   ASSERT_FALSE(c.road.empty());
   EXPECT_EQ(c.road[0].by, "all");
+  EXPECT_TRUE(c.map.of_axes);
   // Chords of 0.5 m on a curve of 100 m radius are off by 0.3 mm.
   EXPECT_NEAR(c.road[0].height_mean, 0.015, 0.002);
   EXPECT_LT(c.road[0].across_rms, 0.005);

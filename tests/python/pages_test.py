@@ -145,6 +145,31 @@ class Examples(unittest.TestCase):
         expected = json.loads(pathlib.Path("plan/ground/index.json").read_text())
         found = json.loads(self.names["joined"]["index"].read_text())
         self.assertEqual([t["hash"] for t in found["tiles"]], [t["hash"] for t in expected["tiles"]])
+        # Patches, joined, and what hangs on them; the survey against itself.
+        jobs = (("patches", ["--min-points", "30"], {"min_patch_points": 30}),
+                ("labels", [], {}),
+                ("compare", ["--truth", "plan", "--radius", "1"],
+                 {"truth": "out/plan", "radius": 1.0}))
+        for job, options, keywords in jobs:
+            run_program("tiles", "run", "plan", "--job", job, *options)
+            run_program("tiles", "join", "plan", "--job", job)
+            self.assertGreater(camber.run_tiles("out/plan", job, **keywords)["points"], 0, job)
+            joined = camber.join_tiles(pathlib.Path("out/plan"), job)
+            file = "surface.json" if job == "patches" else "index.json"
+            a, b = (json.loads(pathlib.Path(plan, job, file).read_text())
+                    for plan in ("plan", "out/plan"))
+            if job == "patches":
+                self.assertEqual(a, b)
+                surface = camber.read_surface(joined["surface"])
+                self.assertEqual(joined["patches"], len(surface.patches))
+                self.assertTrue(pathlib.Path("out/plan/patches/run.json").exists())
+            else:
+                self.assertEqual([t["hash"] for t in a["tiles"]], [t["hash"] for t in b["tiles"]])
+        self.assertEqual(joined["counts"]["compared"], joined["points"])
+        with self.assertRaisesRegex(ValueError, "truth: found none"):
+            camber.run_tiles("out/plan", "compare", radius=1.0, out="elsewhere")
+        with self.assertRaisesRegex(ValueError, "consistency: found 'odd'"):
+            camber.join_tiles("out/plan", "patches", consistency="odd")
         again = camber.run_tiles("out/plan", "ground")
         self.assertEqual(again["done_before"], again["tiles"])
         for keywords, why in (({"job": "odd"}, "job: found 'odd'"),

@@ -130,10 +130,12 @@ struct RoadErrors {
   double across_rms = std::numeric_limits<double>::quiet_NaN();
 };
 
-/// Median signed height error over the plan: u along the road, v to its left.
+/// Median signed height error over the plan: u along the road, v to its left. Of a cloud on a map
+/// whose road has no direction given these are its x and y.
 struct HeightErrorMap {
   double cell = 0.0, u = 0.0, v = 0.0;  ///< m; lower corner of the first cell
   int width = 0, height = 0;            ///< cells along u, along v
+  bool of_axes = false;                 ///< u and v are the estimate's x and y
   std::vector<float> error;             ///< m, rows of u; NaN: nothing there
   std::vector<int> count;
 };

@@ -208,6 +208,7 @@ void add_road_errors(const Shape& truth, const RoadCloud& estimated, const Compa
   parallel_for(rows.size() + 1, options.num_threads, [&](std::size_t row) {
     if (row == 0) {
       out->map = make_map(errors, options.map_cell);
+      out->map.of_axes = along == Vector3d::UnitX() && up == Vector3d::UnitZ();
     } else {
       out->road[row - 1] = rows[row - 1]();
     }

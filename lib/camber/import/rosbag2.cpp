@@ -13,6 +13,7 @@
 #include "camber/core/interruption.h"
 #include "camber/core/lower_case.h"
 #include "camber/core/read_file.h"
+#include "camber/import/detail/compressed_bytes.h"
 #include "camber/import/detail/mcap.h"
 #include "camber/import/recording.h"
 

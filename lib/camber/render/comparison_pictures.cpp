@@ -159,8 +159,8 @@ Image draw_height_map(const CloudComparison& comparison) {
   Plot plot;
   const std::string unit = unit_of(comparison);
   plot.title = "Height error, cells of " + format_number(cell, 2) + " " + unit;
-  plot.x.title = "along the road, " + unit;
-  plot.y.title = "to the left, " + unit;
+  plot.x.title = (map.of_axes ? "x, " : "along the road, ") + unit;
+  plot.y.title = (map.of_axes ? "y, " : "to the left, ") + unit;
   plot.x.low = cells.x[0];
   plot.x.high = cells.x[1];
   plot.y.low = cells.y[0];

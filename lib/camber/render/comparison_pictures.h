@@ -14,7 +14,7 @@ Image draw_histogram(const CloudComparison& comparison);
 /// thresholds marked.
 Image draw_cumulative(const CloudComparison& comparison);
 
-/// The map of signed height errors, the road's direction to the right; blue too low, orange too
+/// The map of signed height errors, the road's direction, or x, to the right; blue too low, orange too
 /// high.
 Image draw_height_map(const CloudComparison& comparison);
 

@@ -18,7 +18,6 @@
 #include "camber/export/site_points.h"
 #include "camber/road/cloud_profile.h"
 #include "camber/scene/json_reader.h"
-#include "camber/scene/results.h"
 #include "camber/tiles/ground_tile.h"
 #include "camber/tiles/point_tile.h"
 #include "camber/tiles/tile_points.h"
@@ -728,6 +727,15 @@ JoinedSurface join_patches(const TilePlan& plan, const TileJob& job) {
   }
   write_json(to_json(out.patches.fit.surface), folder / "surface.json");
   write_file_atomically(folder / "patches.ids", out.patches.ids);
+  return out;
+}
+
+RunDocument run_document(const TilePlan& plan, const JoinedSurface& joined) {
+  RunDocument out;
+  out.seed = joined.options.seed;
+  out.points_kept = {{"on_pieces", static_cast<long>(joined.on_pieces)}};
+  out.points_dropped = {{"on_no_piece", static_cast<long>(joined.points - joined.on_pieces)}};
+  out.input_hashes = {{(plan.folder / "index.json").string(), plan.hash}};
   return out;
 }
 

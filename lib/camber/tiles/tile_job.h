@@ -11,6 +11,7 @@
 
 #include "camber/core/progress.h"
 #include "camber/export/gdal/cloud_optimized.h"
+#include "camber/scene/results.h"
 #include "camber/tiles/patch_tile.h"
 #include "camber/tiles/raster_tile.h"
 #include "camber/tiles/tile_plan.h"
@@ -147,6 +148,9 @@ struct JoinedSurface {
 /// @param job  its `surface` says what is up to the join; the rest is that of the tiles
 /// @throws NoAnswerError where tiles are missing or no ground was found; InputError as join_tiles()
 JoinedSurface join_patches(const TilePlan& plan, const TileJob& job);
+
+/// What run.json says of a join of patches, but for the options and times of whoever ran it.
+RunDocument run_document(const TilePlan& plan, const JoinedSurface& joined);
 
 /// One file of joined results.
 struct JoinedFile {

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <limits>
 #include <string>
+#include <vector>
 
 #include "camber/core/errors.h"
 #include "camber/pipeline/stages/motion.h"
@@ -142,6 +143,68 @@ TEST(MotionStage, PosesOfOtherMomentsAreKnownByTheirTurns) {
   give_poses(0.0, SE3(rotation_from_vector({1.2, -1.2, 1.2}), Eigen::Vector3d::Zero()));
   EXPECT_FALSE(drive.frames.has_poses());
   EXPECT_FALSE(drive.frames.poses_of_other_moments);
+}
+
+/// A camera that drives in a slight bend, its pitch and roll those of a vehicle on its springs.
+std::vector<SE3> on_springs(const std::vector<double>& pitch) {
+  std::vector<SE3> out;
+  for (std::size_t k = 0; k < pitch.size(); ++k) {
+    const double s = static_cast<double>(k);
+    out.emplace_back(
+        rotation_from_vector({pitch[k], 0.004 * s, -0.7 * pitch[pitch.size() - 1 - k]}),
+        Eigen::Vector3d(0.0016 * s * s, 0.0, 0.8 * s));
+  }
+  return out;
+}
+
+/// Whether poses are taken for those of other moments than a camera's motion by the matches.
+bool are_of_other_moments(const std::vector<SE3>& images, const std::vector<SE3>& poses) {
+  MadeDriveOptions options;
+  options.stations = {-1.6, -0.8, 0.0, 0.8, 1.6};
+  options.reference = 2;
+  MadeDrive drive = make_drive(options);
+  Scene scene;
+  for (std::size_t k = 0; k < images.size(); ++k) {
+    drive.frames.frames[k].world_from_camera = poses[k];
+    drive.motion.frame_from_reference[k] = images[k].inverse() * images[2];
+  }
+  scene.frames = drive.frames.frames;
+  drive.frames.contradicted_poses = "frame 0: few agree";
+  stages::check_turns(scene, drive.motion, &drive.frames);
+  return drive.frames.poses_of_other_moments;
+}
+
+// rad, of five frames: up to 0.3 degrees from one to the next, as on real roads.
+const std::vector<double> kSprings = {0.002, -0.003, 0.001, 0.003, -0.002};
+const std::vector<double> kOtherSprings = {-0.002, 0.002, 0.003, -0.001, 0.002};
+
+TEST(MotionStage, StraightOnTheTurnsOnSpringsTellOtherMoments) {
+  const std::vector<SE3> images = on_springs(kSprings);
+  EXPECT_FALSE(are_of_other_moments(images, images));
+  EXPECT_TRUE(are_of_other_moments(images, on_springs(kOtherSprings)));
+  // A body's axes in place of the camera's, and the noise of an inertial unit.
+  const SE3 axes(rotation_from_vector({1.2, -1.2, 1.2}), Eigen::Vector3d::Zero());
+  std::vector<SE3> body = images, other = on_springs(kOtherSprings);
+  for (std::size_t k = 0; k < body.size(); ++k) {
+    const double noise = k % 2 == 0 ? 4e-4 : -4e-4;
+    body[k] =
+        body[k] * SE3(rotation_from_vector({noise, -noise, noise}), Eigen::Vector3d::Zero()) * axes;
+    other[k] = other[k] * axes;
+  }
+  EXPECT_FALSE(are_of_other_moments(images, body));
+  EXPECT_TRUE(are_of_other_moments(images, other));
+}
+
+TEST(MotionStage, OneWrongPoseAndPosesThatAreSmoothedKeepTheirMoments) {
+  const std::vector<SE3> images = on_springs(kSprings);
+  for (std::size_t wrong = 0; wrong < images.size(); ++wrong) {
+    std::vector<SE3> poses = images;
+    poses[wrong] =
+        poses[wrong] * SE3(rotation_from_vector({0.01, 0.0, 0.012}), Eigen::Vector3d::Zero());
+    EXPECT_FALSE(are_of_other_moments(images, poses)) << wrong;
+  }
+  // By a satellite receiver's course: it knows nothing of the springs.
+  EXPECT_FALSE(are_of_other_moments(images, on_springs({0.0, 0.0, 0.0, 0.0, 0.0})));
 }
 
 TEST(MotionStage, AStationaryCameraHasNoAnswer) {

@@ -28,14 +28,4 @@ enum class McapRecord : unsigned char {
 /// CRC-32 as of zlib.
 std::uint32_t mcap_crc(std::string_view bytes);
 
-/// Uncompresses a chunk's records. @param position  for messages
-/// @throws InputError for an unknown compression, or data that is not so many bytes.
-std::string uncompress_chunk(std::string_view compression, std::string_view data,
-                             std::uint64_t size, const std::string& file,
-                             const std::string& position);
-
-/// Uncompresses one zstd frame whose size stands in it. @throws InputError.
-std::string uncompress_zstd(std::string_view data, const std::string& file,
-                            const std::string& position);
-
 }  // namespace camber::detail

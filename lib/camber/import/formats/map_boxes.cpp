@@ -12,6 +12,8 @@
 #include "camber/core/lower_case.h"
 #include "camber/core/read_file.h"
 #include "camber/import/formats/detail/delimited_lines.h"
+#include "camber/import/formats/feather.h"
+#include "camber/import/text_rows.h"
 #include "camber/scene/json_reader.h"
 
 namespace fs = std::filesystem;
@@ -28,21 +30,29 @@ std::optional<Eigen::Quaterniond> unit(double w, double x, double y, double z) {
   return q.normalized();
 }
 
-/// Columns of a table by its line of names.
-class Columns {
+/// A table as text: a CSV file, or a Feather file's columns.
+class TextTable {
  public:
-  Columns(const DelimitedLines& table, const DelimitedLine& header) : table_(table) {
-    for (std::size_t i = 0; i < header.fields.size(); ++i) {
-      index_[lower_case(header.fields[i])] = i;
+  explicit TextTable(const fs::path& path) : file_(path.string()), feather_(is_feather(path)) {
+    if (feather_) {
+      take(read_feather(path));
+    } else {
+      take(DelimitedLines(path, ','));
     }
+    for (std::size_t i = 0; i < names_.size(); ++i) index_[lower_case(names_[i])] = i;
   }
+
+  const std::vector<std::string>& names() const { return names_; }
+  const std::vector<std::vector<std::string>>& rows() const { return rows_; }
+  bool empty() const { return names_.empty(); }
+
   /// The first of two names that is there. @throws InputError.
   std::size_t required(const std::string& name, const std::string& other = {}) const {
     for (const std::string& key : {name, other}) {
       const auto found = index_.find(key);
       if (found != index_.end()) return found->second;
     }
-    throw InputError(table_.file(), "line 1",
+    throw InputError(file_, feather_ ? "its columns" : "line 1",
                      fmt::format("found no column {}{}, expected a table of Argoverse 2", name,
                                  other.empty() ? "" : " or " + other));
   }
@@ -51,39 +61,91 @@ class Columns {
     return found == index_.end() ? std::nullopt : std::optional(found->second);
   }
 
+  /// @throws InputError "file: line L, field F: reason", of a Feather file "row R, column NAME".
+  [[noreturn]] void fail(std::size_t row, std::size_t field, const std::string& reason) const {
+    throw InputError(file_,
+                     feather_ ? fmt::format("row {}, column {}", row + 1, printable(names_[field]))
+                              : fmt::format("line {}, field {}", lines_[row], field + 1),
+                     reason);
+  }
+  const std::string& text(std::size_t row, std::size_t field) const {
+    if (field >= rows_[row].size()) {
+      throw InputError(file_, fmt::format("line {}", lines_[row]), "found fewer fields than names");
+    }
+    return rows_[row][field];
+  }
+  double number(std::size_t row, std::size_t field, const char* expectation) const {
+    double value = 0.0;
+    const std::string& found = text(row, field);
+    if (!parse_number(found, &value) || !std::isfinite(value)) {
+      fail(row, field, fmt::format("found '{}', expected {}", printable(found), expectation));
+    }
+    return value;
+  }
+  std::int64_t stamp(std::size_t row, std::size_t field) const {
+    const std::string& found = text(row, field);
+    std::size_t used = 0;
+    try {
+      const long long value = std::stoll(found, &used);
+      if (used == found.size() && value >= 0) return value;
+    } catch (const std::exception&) {
+    }
+    fail(row, field, "found '" + printable(found) + "', expected nanoseconds");
+  }
+
  private:
-  const DelimitedLines& table_;
+  void take(const DelimitedLines& table) {
+    for (const DelimitedLine& line : table.lines()) {
+      const bool first = &line == &table.lines().front();
+      std::vector<std::string>& row = first ? names_ : rows_.emplace_back();
+      for (const std::string_view field : line.fields) row.emplace_back(field);
+      if (!first) lines_.push_back(line.line);
+    }
+  }
+  void take(const FeatherTable& table) {
+    const auto taken = [](const FeatherColumn& column) {
+      return column.kind != FeatherColumn::Kind::kOther;
+    };
+    for (const FeatherColumn& column : table.columns) {
+      if (taken(column)) names_.push_back(column.name);
+    }
+    if (names_.empty()) return;
+    for (std::size_t r = 0; r < table.rows; ++r) {
+      std::vector<std::string>& row = rows_.emplace_back();
+      for (const FeatherColumn& column : table.columns) {
+        if (taken(column)) row.push_back(with_double_quotes(column.text(r)));
+      }
+    }
+  }
+  /// As a field of CSV has them within quotes.
+  static std::string with_double_quotes(std::string text) {
+    for (std::size_t i = text.find('"'); i != std::string::npos; i = text.find('"', i + 2)) {
+      text.insert(i, 1, '"');
+    }
+    return text;
+  }
+
+  std::string file_;
+  bool feather_;
+  std::vector<std::string> names_;
+  std::vector<std::vector<std::string>> rows_;
+  std::vector<int> lines_;  // of the rows, of CSV
   std::map<std::string, std::size_t> index_;
 };
-
-std::int64_t stamp(const DelimitedLines& table, const DelimitedLine& line, std::size_t field) {
-  const std::string text(line.fields[field]);
-  std::size_t used = 0;
-  try {
-    const long long value = std::stoll(text, &used);
-    if (used == text.size() && value >= 0) return value;
-  } catch (const std::exception&) {
-  }
-  table.fail(line, field, "found '" + text + "', expected nanoseconds");
-}
 
 /// Where a pose's numbers stand.
 struct PoseColumns {
   std::size_t q[4], t[3];
 
-  explicit PoseColumns(const Columns& columns)
-      : q{columns.required("qw"), columns.required("qx"), columns.required("qy"),
-          columns.required("qz")},
-        t{columns.required("tx_m", "x_m"), columns.required("ty_m", "y_m"),
-          columns.required("tz_m", "z_m")} {}
+  explicit PoseColumns(const TextTable& table)
+      : q{table.required("qw"), table.required("qx"), table.required("qy"), table.required("qz")},
+        t{table.required("tx_m", "x_m"), table.required("ty_m", "y_m"),
+          table.required("tz_m", "z_m")} {}
 
-  SE3 read(const DelimitedLines& table, const DelimitedLine& line) const {
-    const auto number = [&](std::size_t field) {
-      if (field >= line.fields.size()) table.fail(line, "found fewer fields than names");
-      return table.number(line, field, "a number");
-    };
+  SE3 read(const TextTable& table, std::size_t row) const {
+    const auto number = [&](std::size_t field) { return table.number(row, field, "a number"); };
     const auto rotation = unit(number(q[0]), number(q[1]), number(q[2]), number(q[3]));
-    if (!rotation) table.fail(line, q[0], "expected a quaternion of length 1");
+    if (!rotation) table.fail(row, q[0], "expected a quaternion of length 1");
     return SE3(*rotation, {number(t[0]), number(t[1]), number(t[2])});
   }
 };
@@ -140,7 +202,7 @@ MapBox json_box(const JsonCursor& cursor) {
 MapBoxFile MapBoxFile::read(const fs::path& path) {
   MapBoxFile out;
   Content& content = *out.content_;
-  const std::string text = read_whole_file(path);
+  const std::string text = is_feather(path) ? std::string() : read_whole_file(path);
   const auto first = text.find_first_not_of(" \t\r\n");
   if (first != std::string::npos && (text[first] == '{' || text[first] == '[')) {
     content.document = parse_json(text, path.string());
@@ -165,31 +227,28 @@ MapBoxFile MapBoxFile::read(const fs::path& path) {
     return out;
   }
   content.table = true;
-  const DelimitedLines table(path, ',');
-  if (table.lines().empty()) throw InputError(path.string(), "found no rows, expected boxes");
-  const Columns columns(table, table.lines().front());
-  const PoseColumns pose(columns);
+  const TextTable table(path);
+  if (table.empty()) throw InputError(path.string(), "found no rows, expected boxes");
+  const PoseColumns pose(table);
   std::copy(std::begin(pose.q), std::end(pose.q), content.q);
   std::copy(std::begin(pose.t), std::end(pose.t), content.t);
-  const std::size_t sizes[] = {columns.required("length_m"), columns.required("width_m"),
-                               columns.required("height_m")};
-  const auto time = columns.optional("timestamp_ns"), category = columns.optional("category");
-  for (const DelimitedLine& line : table.lines()) {
-    std::vector<std::string>& row = content.rows.emplace_back();
-    for (const std::string_view field : line.fields) row.emplace_back(field);
-    if (&line == &table.lines().front()) continue;
+  const std::size_t sizes[] = {table.required("length_m"), table.required("width_m"),
+                               table.required("height_m")};
+  const auto time = table.optional("timestamp_ns"), category = table.optional("category");
+  content.rows.push_back(table.names());
+  for (std::size_t r = 0; r < table.rows().size(); ++r) {
+    const std::vector<std::string>& row = content.rows.emplace_back(table.rows()[r]);
     MapBox box;
-    const SE3 at = pose.read(table, line);
+    const SE3 at = pose.read(table, r);
     box.center = at.translation();
     box.rotation = at.rotation();
     double* const sides[] = {&box.length, &box.width, &box.height};
     for (int i = 0; i < 3; ++i) {
-      if (sizes[i] >= line.fields.size()) table.fail(line, "found fewer fields than names");
-      *sides[i] = table.number(line, sizes[i], "metres");
-      if (!(*sides[i] > 0.0)) table.fail(line, sizes[i], "expected a size above 0");
+      *sides[i] = table.number(r, sizes[i], "metres");
+      if (!(*sides[i] > 0.0)) table.fail(r, sizes[i], "expected a size above 0");
     }
-    if (time && *time < line.fields.size()) box.timestamp = stamp(table, line, *time);
-    if (category && *category < line.fields.size()) box.category = line.fields[*category];
+    if (time && *time < row.size()) box.timestamp = table.stamp(r, *time);
+    if (category && *category < row.size()) box.category = row[*category];
     out.boxes_.push_back(std::move(box));
   }
   return out;
@@ -238,16 +297,13 @@ std::string MapBoxFile::encoded(const std::vector<MapBox>& boxes,
 }
 
 std::map<std::int64_t, SE3> read_stamped_poses(const fs::path& path) {
-  const DelimitedLines table(path, ',');
-  if (table.lines().empty()) throw InputError(path.string(), "found no rows, expected poses");
-  const Columns columns(table, table.lines().front());
-  const PoseColumns pose(columns);
-  const std::size_t time = columns.required("timestamp_ns");
+  const TextTable table(path);
+  if (table.empty()) throw InputError(path.string(), "found no rows, expected poses");
+  const PoseColumns pose(table);
+  const std::size_t time = table.required("timestamp_ns");
   std::map<std::int64_t, SE3> out;
-  for (const DelimitedLine& line : table.lines()) {
-    if (&line == &table.lines().front()) continue;
-    if (time >= line.fields.size()) table.fail(line, "found fewer fields than names");
-    out[stamp(table, line, time)] = pose.read(table, line);
+  for (std::size_t r = 0; r < table.rows().size(); ++r) {
+    out[table.stamp(r, time)] = pose.read(table, r);
   }
   return out;
 }

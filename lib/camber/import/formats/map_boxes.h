@@ -29,8 +29,8 @@ struct MapBoxNote {
 
 /// Boxes of nuScenes (.json: results of a detector by sample token, or a table of annotations, each
 /// with translation, size (width, length, height) and rotation (w, x, y, z)) or of Argoverse 2
-/// (.csv: length_m, width_m, height_m, qw, qx, qy, qz, tx_m, ty_m, tz_m or x_m, y_m, z_m, and
-/// timestamp_ns), with all else that the file holds.
+/// (.feather or .csv: length_m, width_m, height_m, qw, qx, qy, qz, tx_m, ty_m, tz_m or x_m, y_m,
+/// z_m, and timestamp_ns), with all else that the file holds but nested columns.
 class MapBoxFile {
  public:
   /// @throws InputError "file: place: found, expected".
@@ -40,7 +40,7 @@ class MapBoxFile {
 
   const std::vector<MapBox>& boxes() const { return boxes_; }
   const char* form() const;  ///< "nuscenes" or "argoverse2"
-  /// The file with other centres and rotations, and what was done: camber_status, camber_reason and
+  /// The file, a Feather file as CSV, with other centres and rotations, and what was done: camber_status, camber_reason and
   /// camber_height_sigma of each box.
   /// @param boxes, notes  one a box, in their order.
   std::string encoded(const std::vector<MapBox>& boxes, const std::vector<MapBoxNote>& notes) const;
@@ -52,8 +52,8 @@ class MapBoxFile {
   std::unique_ptr<Content> content_;
 };
 
-/// Poses of a vehicle by time stamp, Argoverse 2's city_SE3_egovehicle as CSV: timestamp_ns, qw,
-/// qx, qy, qz, tx_m, ty_m, tz_m (or x_m, ...). @throws InputError.
+/// Poses of a vehicle by time stamp, Argoverse 2's city_SE3_egovehicle as Feather or CSV:
+/// timestamp_ns, qw, qx, qy, qz, tx_m, ty_m, tz_m (or x_m, ...). @throws InputError.
 std::map<std::int64_t, SE3> read_stamped_poses(const std::filesystem::path& path);
 
 }  // namespace camber

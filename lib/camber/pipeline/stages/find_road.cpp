@@ -156,6 +156,7 @@ FoundRoad find_road(const Scene& scene, LoadedFrames frames, const FindRoadOptio
   keep_only(frames_that_share(frames, matches));
   MotionEstimate motion = find_motion();
   while (keep_only(frames_that_agree(frames, matches, motion, o.motion))) motion = find_motion();
+  check_turns(scene, motion, &frames);
   const auto passing = [&](const Correspondences& matched, const MotionEstimate& moved,
                            const Ground* found) {
     return run("ground", 0.75, [&]() -> std::optional<Ground> {

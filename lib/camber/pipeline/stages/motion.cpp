@@ -2,10 +2,12 @@
 
 #include <fmt/format.h>
 
+#include <Eigen/SVD>
 #include <algorithm>
 #include <cmath>
 
 #include "camber/core/errors.h"
+#include "camber/core/median.h"
 #include "camber/motion/feature_matches.h"
 #include "camber/pipeline/stages/reach.h"
 
@@ -73,6 +75,107 @@ bool is_explained(const LoadedFrames& frames, const Correspondences& matches,
   return true;
 }
 
+/// From a frame to the next, in the axes of the first.
+struct Step {
+  Eigen::Vector3d turn;                                 // rad
+  Eigen::Vector3d direction = Eigen::Vector3d::Zero();  // unit; zero: it stands
+};
+
+std::vector<Step> steps_of(const std::vector<SE3>& world_from_frame) {
+  constexpr double kStands = 0.05;  // of the longest step
+  std::vector<Step> out;
+  std::vector<Eigen::Vector3d> moves;
+  double longest = 0.0;
+  for (std::size_t k = 1; k < world_from_frame.size(); ++k) {
+    const SE3 step = world_from_frame[k - 1].inverse() * world_from_frame[k];
+    out.push_back({rotation_to_vector(step.rotation())});
+    moves.push_back(step.translation());
+    longest = std::max(longest, step.translation().norm());
+  }
+  for (std::size_t k = 0; k < out.size(); ++k) {
+    if (moves[k].norm() > kStands * longest) out[k].direction = moves[k].normalized();
+  }
+  return out;
+}
+
+/// By how much the turns differ once the poses' axes are turned to the camera's as well as can be:
+/// root of the mean square, in units of what those of the same moments differ by at most.
+double turns_off(const std::vector<Step>& images, const std::vector<Step>& poses) {
+  // rad a step and axis: KITTI's own poses differ by up to 0.050 degrees, those of 10 to 100 frames
+  // away by 0.084 and more (windows of five frames, even numbers of bench shifted_poses, by
+  // features of pairs of images). Relative: of the focal length. rad: of where the camera is
+  // mounted.
+  constexpr double kTurn = 0.0014, kTurnShare = 0.05, kDirection = 0.035;
+  Eigen::Matrix3d both = Eigen::Matrix3d::Zero();
+  std::vector<double> sigmas;
+  for (std::size_t k = 0; k < images.size(); ++k) {
+    const double sigma = std::hypot(kTurn, kTurnShare * images[k].turn.norm());
+    sigmas.push_back(sigma);
+    both += images[k].turn * poses[k].turn.transpose() / (sigma * sigma) +
+            images[k].direction * poses[k].direction.transpose() / (kDirection * kDirection);
+  }
+  // Wahba's problem: Markley, "Attitude determination using vector observations and the singular
+  // value decomposition", J. Astronautical Sciences 1988.
+  const Eigen::JacobiSVD<Eigen::Matrix3d> svd(both, Eigen::ComputeFullU | Eigen::ComputeFullV);
+  const double handed = (svd.matrixU() * svd.matrixV().transpose()).determinant();
+  const Eigen::Matrix3d camera_from_pose =
+      svd.matrixU() * Eigen::Vector3d(1.0, 1.0, handed).asDiagonal() * svd.matrixV().transpose();
+  double squares = 0.0;
+  for (std::size_t k = 0; k < images.size(); ++k) {
+    squares +=
+        (images[k].turn - camera_from_pose * poses[k].turn).squaredNorm() / (sigmas[k] * sigmas[k]);
+  }
+  // The directions leave of the axes a turn about themselves open.
+  return std::sqrt(squares / (3.0 * static_cast<double>(images.size()) - 1.0));
+}
+
+/// Whether the turns differ, and not by one wrong pose alone.
+bool turn_otherwise(const std::vector<SE3>& images, const std::vector<SE3>& poses) {
+  // Of KITTI's own poses the most is 0.62; windows of five whose poses are of other moments are
+  // above that without any one of them.
+  constexpr double kMost = 1.0, kWithoutOne = 0.6;
+  if (turns_off(steps_of(images), steps_of(poses)) <= kMost) return false;
+  for (std::size_t k = 0; k < images.size(); ++k) {
+    const auto without = [&](std::vector<SE3> all) {
+      all.erase(all.begin() + static_cast<std::ptrdiff_t>(k));
+      return steps_of(all);
+    };
+    if (turns_off(without(images), without(poses)) < kWithoutOne) return false;
+  }
+  return true;
+}
+
+/// Whether the scene's poses about the frames turn as if smoothed, over steps as those of the
+/// frames: by less from one to the next than a vehicle on its springs.
+bool turn_smoothly(const Scene& scene, const LoadedFrames& frames) {
+  constexpr double kSprings = 0.0009;  // rad, median; drives of KITTI: 0.0027 and 0.0038
+  constexpr std::size_t kReach = 50;   // steps on each side
+  const auto place_of = [&](int id) {
+    std::size_t i = 0;
+    while (i < scene.frames.size() && scene.frames[i].id != id) ++i;
+    return i;
+  };
+  const std::size_t first = place_of(frames.frames.front().id);
+  const std::size_t last = place_of(frames.frames.back().id);
+  if (last >= scene.frames.size() || last <= first) return false;
+  const std::size_t step = std::max<std::size_t>(1, (last - first) / (frames.size() - 1));
+  std::size_t from = first;
+  for (std::size_t k = 0; k < kReach && from >= step; ++k) from -= step;
+  std::vector<double> changes;
+  std::vector<SE3> poses;
+  for (std::size_t at = from; at < scene.frames.size() && at <= last + kReach * step; at += step) {
+    if (!scene.frames[at].world_from_camera) {
+      poses.clear();
+      continue;
+    }
+    poses.push_back(*scene.frames[at].world_from_camera);
+    if (poses.size() < 3) continue;
+    const std::vector<Step> two = steps_of({poses.end() - 3, poses.end()});
+    changes.push_back((two[1].turn - two[0].turn).norm());
+  }
+  return !changes.empty() && upper_median(changes) < kSprings;
+}
+
 }  // namespace
 
 std::vector<std::uint8_t> static_points(const LoadedFrames& frames,
@@ -133,6 +236,19 @@ void check_poses(const Correspondences& matches, const MotionOptions& options,
   }
   frames->contradicted_poses = fmt::format("{}", fmt::join(contradicted, "; "));
   frames->poses_of_other_moments = 2 * turned > judged;  // one wrong pose leaves the others
+}
+
+void check_turns(const Scene& scene, const MotionEstimate& motion, LoadedFrames* frames) {
+  if (frames->contradicted_poses.empty() || frames->poses_of_other_moments) return;
+  if (motion.metres_per_baseline || frames->size() < 3) return;  // two are compared above
+  std::vector<SE3> images, poses;
+  for (std::size_t k = 0; k < frames->size(); ++k) {
+    if (!frames->frames[k].world_from_camera) return;
+    images.push_back(motion.frame_from_reference[k].inverse());
+    poses.push_back(*frames->frames[k].world_from_camera);
+  }
+  if (!turn_otherwise(images, poses)) return;
+  frames->poses_of_other_moments = !turn_smoothly(scene, *frames);
 }
 
 MotionEstimate motion(const LoadedFrames& frames, const Correspondences& matches,

@@ -15,6 +15,13 @@ namespace camber::stages {
 void check_poses(const Correspondences& matches, const MotionOptions& options,
                  LoadedFrames* frames);
 
+/// Of contradicted poses whether they are of other moments, by the small turns from frame to frame:
+/// those of a vehicle on its springs are the same in the images and in poses of the same moments,
+/// whatever the axes of the poses, and straight on, too. Poses that are smoothed or have no turns
+/// of their own are left as they are.
+/// @param motion  of the images, by their matches.
+void check_turns(const Scene& scene, const MotionEstimate& motion, LoadedFrames* frames);
+
 /// Motion of the camera over the frames: from their poses where all of them are known (then metric,
 /// see MotionEstimate::metres_per_baseline), else from correspondences of points that stand still.
 /// @throws NoAnswerError for a stationary camera, a pure rotation, too little texture.
