@@ -15,7 +15,7 @@ program_packages=(
 # Besides, to build and to run the tests and the benchmarks; Chromium opens the report, the viewer
 # opens on a display in memory, Python compares benchmarks and runs the samples, whose types mypy checks.
 test_packages=(
-  chromium doxygen dpkg-dev gdal-bin libbenchmark-dev libflann-dev libgmock-dev libgtest-dev mypy python3 python3-matplotlib python3-pip python3-venv snakemake xdotool xvfb
+  chromium doxygen dpkg-dev gdal-bin libbenchmark-dev libflann-dev libgmock-dev libgtest-dev mypy python3 python3-matplotlib python3-pip python3-venv xdotool xvfb
 )
 # Besides, for the fuzzers and to check the format and the code: tests/run.sh --fuzz, the targets
 # format, format_check and tidy.
