@@ -7,6 +7,7 @@
 #include <set>
 
 #include "camber/cloud/cloud_io.h"
+#include "camber/cloud/morton.h"
 #include "camber/core/errors.h"
 #include "camber/tiles/detail/tile_grid.h"
 #include "camber/tiles/tile_points.h"
@@ -36,12 +37,12 @@ TEST(TileAxis, BordersBelongToTheTileThatBeginsThere) {
   }
 }
 
-TEST(TileAxis, PlanCodeIsMortonOrder) {
-  EXPECT_EQ(detail::plan_code(0, 0), 0u);
-  EXPECT_EQ(detail::plan_code(1, 0), 1u);
-  EXPECT_EQ(detail::plan_code(0, 1), 2u);
-  EXPECT_EQ(detail::plan_code(3, 5), 0b100111u);
-  EXPECT_EQ(detail::plan_code(0xffffffffu, 0xffffffffu), ~std::uint64_t{0});
+TEST(MortonCode, TakesTheBitsOfBothAxesInTurn) {
+  EXPECT_EQ(morton_code(0, 0), 0u);
+  EXPECT_EQ(morton_code(1, 0), 1u);
+  EXPECT_EQ(morton_code(0, 1), 2u);
+  EXPECT_EQ(morton_code(3, 5), 0b100111u);
+  EXPECT_EQ(morton_code(0xffffffffu, 0xffffffffu), ~std::uint64_t{0});
 }
 
 class PlanTiles : public ::testing::Test {
