@@ -43,7 +43,8 @@ class DetectDrive : public ::testing::Test {
       image.channels = 3;
       image.data.assign(3U * kWidth * kHeight, 0);
       for (std::size_t y = 40; y < 48; ++y) {
-        for (std::size_t x = 8 + 4 * k; x < 16 + 4 * k; ++x) image.data[3 * (kWidth * y + x)] = 255;
+        const std::size_t left = 8 * (1 + k % 14);  // of a cell
+        for (std::size_t x = left; x < left + 8; ++x) image.data[3 * (kWidth * y + x)] = 255;
       }
       SceneFrame frame;
       frame.id = static_cast<int>(k);

@@ -119,7 +119,8 @@ std::vector<WindowMeasurement> bending_windows(const Trajectory& truth, double b
       w.frames.push_back(truth.poses[i].frame);
       const double by = bend * (static_cast<double>(k) - static_cast<double>(i));
       const SE3 exact = truth.poses[i].world_from_camera.inverse() * from_reference;
-      w.frame_from_reference.push_back(SE3(rotation_from_vector({0.0, by, 0.0}), {}) * exact);
+      w.frame_from_reference.push_back(
+          SE3(rotation_from_vector({0.0, by, 0.0}), Eigen::Vector3d::Zero()) * exact);
     }
     w.covariance = Eigen::MatrixXd::Identity(12, 12) * 1e-6;
     w.log_scale = 0.0;

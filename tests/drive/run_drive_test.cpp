@@ -66,6 +66,8 @@ TEST_F(RunDrive, GivesTheDriveItsLengthRoadAndVehicles) {
 }
 
 TEST_F(RunDrive, WhatItsWindowsShareIsBySourcesAndLens) {
+  for (SceneFrame& frame : scene_.frames) frame.vehicles.clear();  // sizes that know the scale
+  scene_.markings_m.clear();
   scene_.height_sigma = 0.06 * *scene_.height_above_road;
   const double by_height = run("height.log").trajectory.common_sigma;
   EXPECT_GT(by_height, 0.04);

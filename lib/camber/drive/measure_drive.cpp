@@ -181,11 +181,16 @@ class Measurer {
     bool whole = true;  // false: the motion alone
   };
 
-  /// Where vehicles are to be placed, all that a few frames give; a road that its neighbours
-  /// measure as well is known from one round of matches (docs/notes/drives.md).
-  const ReconstructOptions& options_of(const PendingWindow& window) const {
-    return has_vehicles(window.frames[window.reference]->frame.id) ? window_options_
-                                                                   : road_options_;
+  /// All that a few frames give where vehicles are to be placed. A road that its neighbours measure
+  /// as well is known from one round of matches (docs/notes/drives.md), unless that says little.
+  WindowMeasurement measured(const PendingWindow& w, Timings* timings) const {
+    const auto by = [&](const ReconstructOptions& options) {
+      return measure_window(scene_, w.frames, w.reference, options, options_.samples, timings);
+    };
+    if (has_vehicles(w.frames[w.reference]->frame.id)) return by(window_options_);
+    WindowMeasurement quick = by(road_options_);
+    const bool sure = quick.log_scale && quick.scale_sigma <= kSureScale;
+    return sure ? quick : by(window_options_);
   }
 
   void pend(PendingWindow window) {
@@ -204,8 +209,7 @@ class Measurer {
     parallel_for(pending_.size(), at_once_, [&](std::size_t i) {
       const PendingWindow& w = pending_[i];
       measured[i] =
-          w.whole ? measure_window(scene_, w.frames, w.reference, options_of(w), options_.samples,
-                                   &timings[i])
+          w.whole ? this->measured(w, &timings[i])
                   : measure_motion(scene_, w.frames, w.reference, window_options_, &timings[i]);
     });
     for (std::size_t i = 0; i < measured.size(); ++i) {
@@ -248,7 +252,8 @@ class Measurer {
   const Progress& progress_;
   static constexpr int kMostAtOnce = 4;
   static constexpr int kRoadRounds = 1;
-  int at_once_;  // windows
+  static constexpr double kSureScale = 0.03;  // of a window's own
+  int at_once_;                               // windows
   std::vector<PendingWindow> pending_;
   FrameCache cache_;
   FlowCache flows_;

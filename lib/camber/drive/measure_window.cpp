@@ -7,6 +7,7 @@
 
 #include "camber/core/errors.h"
 #include "camber/pipeline/estimate_window.h"
+#include "camber/pipeline/stages/camera_uncertainty.h"
 #include "camber/pipeline/stages/detail/relative_sigma.h"
 #include "camber/pipeline/stages/motion.h"
 
@@ -134,8 +135,9 @@ WindowMeasurement measure_window(
   const Progress silent;
   const StageRunner run(*timings, silent);
   try {
-    const WindowEstimate window =
+    WindowEstimate window =
         estimate_window(scene, stages::frame_window(scene, frames, reference), options, run);
+    stages::include_camera_sigma(window.road.frames, &window.assembled);
     WindowMeasurement out = of_frames(window.road.frames);
     put_motion(window.refined.motion, &out);
     put_metres(window, &out);

@@ -6,6 +6,7 @@
 #include <array>
 #include <cmath>
 #include <map>
+#include <optional>
 #include <utility>
 
 #include "camber/drive/detail/window_scales.h"
@@ -20,6 +21,7 @@ using detail::student_weight;
 using detail::SymmetricBand;
 
 constexpr Eigen::Index kPose = 6, kBlock = 7;  // of a frame: pose, logarithm of its window's scale
+constexpr Eigen::Index kMap = 4;               // a turn about the vertical, a shift
 
 /// What joins frames that no window joins: a camera goes on as it did.
 struct Bridge {
@@ -60,7 +62,7 @@ class Smoother {
     for (int iteration = 0; iteration < times; ++iteration) {
       assemble(!from_scratch || iteration > 1);
       if (!factor_.factorise(normal_)) break;
-      if (apply(factor_.solve_vector(right_)) < kSettled) break;
+      if (apply(solved()) < kSettled) break;
     }
   }
 
@@ -169,7 +171,12 @@ class Smoother {
     }
     for (const Measurement& m : measured_) add(m, robust);
     for (const Bridge& bridge : bridges_) add(bridge);
-    if (map_) add_positions(robust);
+    if (map_) {
+      border_ = Eigen::MatrixXd::Zero(size, kMap);
+      corner_ = 1e-9 * Eigen::Matrix<double, kMap, kMap>::Identity();
+      border_right_.setZero();
+      add_positions(robust);
+    }
     if (!metric_ || times_.size() != ids_.size()) return;
     for (std::size_t k = 1; k + 1 < ids_.size(); ++k) add_speeds(k, robust);
   }
@@ -190,16 +197,17 @@ class Smoother {
     return p.level_from_world * (poses_[at.place] * p.antenna);
   }
 
-  /// The map's frame by the positions and their places in the trajectory, weights as given.
-  SE3 map_from_level(const std::vector<double>& weights) const {
+  /// The map's frame by the positions and their places in the trajectory.
+  SE3 fitted_map() const {
     const std::vector<MapPositions::At>& at = map_->positions.at;
     Eigen::Vector3d run = Eigen::Vector3d::Zero(), on_map = Eigen::Vector3d::Zero();
+    const Eigen::Vector3d base(at.front().position.x(), at.front().position.y(), 0.0);
     double total = 0.0, total_height = 0.0;
     for (std::size_t i = 0; i < at.size(); ++i) {
-      const double w = weights[i] / (at[i].sigma * at[i].sigma);
-      const double h = weights[i] / (at[i].height_sigma * at[i].height_sigma);
+      const double w = 1.0 / (at[i].sigma * at[i].sigma);
+      const double h = 1.0 / (at[i].height_sigma * at[i].height_sigma);
       const Eigen::Vector3d p = antenna_in_level(at[i]);
-      const Eigen::Vector3d q = at[i].position - at.front().position;
+      const Eigen::Vector3d q = at[i].position - base;
       run += Eigen::Vector3d(w * p.x(), w * p.y(), h > 0.0 ? h * p.z() : 0.0);
       on_map += Eigen::Vector3d(w * q.x(), w * q.y(), h > 0.0 ? h * q.z() : 0.0);
       total += w;
@@ -209,13 +217,10 @@ class Smoother {
                               total_height > 0.0 ? 1.0 / total_height : 0.0);
     run = run.cwiseProduct(per);
     on_map = on_map.cwiseProduct(per);
-    if (total_height > 0.0) {
-      on_map.z() += at.front().position.z();
-    }
-    on_map.head<2>() += at.front().position.head<2>();
+    on_map += base;
     double along = 0.0, across = 0.0;
     for (std::size_t i = 0; i < at.size(); ++i) {
-      const double w = weights[i] / (at[i].sigma * at[i].sigma);
+      const double w = 1.0 / (at[i].sigma * at[i].sigma);
       const Eigen::Vector2d p = (antenna_in_level(at[i]) - run).head<2>();
       const Eigen::Vector2d q = (at[i].position - on_map).head<2>();
       along += w * p.dot(q);
@@ -230,19 +235,22 @@ class Smoother {
   void add_positions(bool robust) {
     const MapPositions& p = map_->positions;
     if (p.at.size() < 2) return;
-    position_weights_.resize(p.at.size(), 1.0);
-    const SE3 map_from_level = this->map_from_level(position_weights_);
-    const Eigen::Matrix3d turn = map_from_level.rotation_matrix() * p.level_from_world;
+    if (!map_from_level_) {
+      map_from_level_ = fitted_map();
+      pivot_ = *map_from_level_ * antenna_in_level(p.at[p.at.size() / 2]);
+    }
+    const Eigen::Matrix3d turn = map_from_level_->rotation_matrix() * p.level_from_world;
     const double alike = alike_positions();
     for (std::size_t i = 0; i < p.at.size(); ++i) {
       const MapPositions::At& at = p.at[i];
-      Eigen::Vector3d off = map_from_level * antenna_in_level(at) - at.position;
+      const Eigen::Vector3d on_map = *map_from_level_ * antenna_in_level(at);
+      Eigen::Vector3d off = on_map - at.position;
       Eigen::Vector3d information(1.0 / (at.sigma * at.sigma), 1.0 / (at.sigma * at.sigma),
                                   1.0 / (at.height_sigma * at.height_sigma));
       if (!(information.z() > 0.0)) off.z() = 0.0;
       const double squared = off.cwiseProduct(information).dot(off);
-      position_weights_[i] = student_weight(squared, 3.0, noise_.motion_freedom);
-      information *= (robust ? std::min(1.0, position_weights_[i]) : 1.0) / alike;
+      const double weight = std::min(1.0, student_weight(squared, 3.0, noise_.motion_freedom));
+      information *= (robust ? weight : 1.0) / alike;
       const Eigen::Matrix3d of_pose = turn * poses_[at.place].rotation_matrix();
       Eigen::Matrix<double, 3, 6> by;
       by.leftCols<3>() = -of_pose * skew(p.antenna);
@@ -253,7 +261,36 @@ class Smoother {
       for (Eigen::Index a = 0; a < kPose; ++a) {
         for (Eigen::Index b = 0; b <= a; ++b) normal_.at(place + a, place + b) += own(a, b);
       }
+      Eigen::Matrix<double, 3, kMap> by_map;
+      by_map << Eigen::Vector3d::UnitZ().cross(on_map - pivot_), Eigen::Matrix3d::Identity();
+      border_.middleRows<kPose>(place) += by.transpose() * information.asDiagonal() * by_map;
+      corner_ += by_map.transpose() * information.asDiagonal() * by_map;
+      border_right_ -= by_map.transpose() * information.asDiagonal() * off;
     }
+  }
+
+  /// Change of all frames, and of the map's frame, which stands in a border of the normal matrix.
+  Eigen::VectorXd solved() {
+    Eigen::VectorXd out = factor_.solve_vector(right_);
+    if (!map_from_level_) return out;
+    put_map_covariance();
+    const Eigen::Matrix<double, kMap, 1> map =
+        map_covariance_ * (border_right_ - border_.transpose() * out);
+    out -= by_map_ * map;
+    const Eigen::Quaterniond turn(Eigen::AngleAxisd(map[0], Eigen::Vector3d::UnitZ()));
+    const SE3& before = *map_from_level_;
+    map_from_level_ = SE3(turn * before.rotation(),
+                          pivot_ + turn * (before.translation() - pivot_) + map.tail<3>());
+    return out;
+  }
+
+  void put_map_covariance() {
+    by_map_.resize(border_.rows(), kMap);
+    for (Eigen::Index i = 0; i < kMap; ++i) {
+      by_map_.col(i) = factor_.solve_vector(Eigen::VectorXd(border_.col(i)));
+    }
+    const Eigen::Matrix<double, kMap, kMap> left = corner_ - border_.transpose() * by_map_;
+    map_covariance_ = left.ldlt().solve(Eigen::Matrix<double, kMap, kMap>::Identity());
   }
 
   /// A speed that is a random walk: those of the steps before and after a frame differ little.
@@ -458,13 +495,14 @@ class Smoother {
     }
   }
 
-  Trajectory handed_out() const {
+  Trajectory handed_out() {
     Trajectory out;
     const double common = map_ ? map_->common_sigma : detail::common_sigma(measured_);
     out.metric = metric_;
     out.common_sigma = common;
     const SymmetricBand covariance = factor_.inverse_in_band();
     SymmetricBand readable = covariance;
+    if (map_from_level_) put_map_covariance();
     for (std::size_t k = 0; k < ids_.size(); ++k) {
       TrajectoryPose pose;
       pose.frame = ids_[k];
@@ -477,6 +515,10 @@ class Smoother {
         for (Eigen::Index j = 0; j <= i; ++j) {
           pose.covariance(i, j) = pose.covariance(j, i) = readable.at(at + i, at + j);
         }
+      }
+      if (map_from_level_) {
+        const Eigen::Matrix<double, kPose, kMap> by = by_map_.middleRows<kPose>(at);
+        pose.covariance += by * map_covariance_ * by.transpose();
       }
       pose.beside_sigma = beside_sigma(k, &readable);
       out.poses.push_back(std::move(pose));
@@ -508,7 +550,13 @@ class Smoother {
   Eigen::VectorXd right_;
   BandedLdlt factor_;
   std::map<std::size_t, double> weights_, residuals_;
-  std::vector<double> position_weights_;
+  // The map's frame (its turn about the vertical through the pivot, its shift): none where there
+  // are no positions. Its border of the normal matrix, and how the frames' changes follow it.
+  std::optional<SE3> map_from_level_;
+  Eigen::Vector3d pivot_ = Eigen::Vector3d::Zero();
+  Eigen::MatrixXd border_, by_map_;
+  Eigen::Matrix<double, kMap, kMap> corner_, map_covariance_;
+  Eigen::Matrix<double, kMap, 1> border_right_;
 };
 
 }  // namespace
