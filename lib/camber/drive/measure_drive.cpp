@@ -3,14 +3,22 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <condition_variable>
+#include <deque>
+#include <exception>
+#include <functional>
 #include <limits>
 #include <memory>
+#include <mutex>
+#include <optional>
+#include <thread>
 #include <utility>
 #include <vector>
 
 #include "camber/core/errors.h"
 #include "camber/core/interruption.h"
 #include "camber/core/threads.h"
+#include "camber/image/detail/single_threaded_opencv.h"
 #include "camber/pipeline/estimate_window.h"
 #include "camber/pipeline/near_parallax.h"
 #include "camber/pipeline/stage_runner.h"
@@ -21,12 +29,15 @@ namespace {
 using stages::LoadedFrame;
 using FramePtr = std::shared_ptr<const LoadedFrame>;
 
-/// The last frames that were read.
+constexpr std::size_t kAhead = 8;  // frames that are looked at before their turn
+
+/// The last frames that were read. Two threads may ask.
 class FrameCache {
  public:
   FrameCache(const Scene& scene, const stages::LoadOptions& options) : loader_(scene, options) {}
 
   FramePtr get(int id) {
+    const std::lock_guard<std::mutex> lock(mutex_);
     for (const FramePtr& frame : held_) {
       if (frame->frame.id == id) return frame;
     }
@@ -36,9 +47,78 @@ class FrameCache {
   }
 
  private:
-  static constexpr std::size_t kHeld = 12;
+  static constexpr std::size_t kHeld = 12 + kAhead;
+  std::mutex mutex_;
   stages::FrameLoader loader_;
   std::vector<FramePtr> held_;
+};
+
+/// Looks at one frame after the other, some ahead, on a thread of its own.
+class LookAhead {
+ public:
+  /// @param look   of a place among the frames; called in order, on one thread.
+  /// @param aside  false: no other thread, each frame is looked at when it is asked for.
+  LookAhead(std::function<FrameRecord(std::size_t)> look, std::size_t first, std::size_t end,
+            bool aside)
+      : look_(std::move(look)), next_(first), end_(end) {
+    if (aside) thread_ = std::thread([this] { run(); });
+  }
+  ~LookAhead() {
+    {
+      const std::lock_guard<std::mutex> lock(mutex_);
+      stopped_ = true;
+    }
+    changed_.notify_all();
+    if (thread_.joinable()) thread_.join();
+  }
+  LookAhead(const LookAhead&) = delete;
+  LookAhead& operator=(const LookAhead&) = delete;
+
+  /// @throws what looking at the frame did.
+  FrameRecord next() {
+    if (!thread_.joinable()) return look_(next_++);
+    std::unique_lock<std::mutex> lock(mutex_);
+    changed_.wait(lock, [&] { return !seen_.empty() || failure_; });
+    if (seen_.empty()) std::rethrow_exception(failure_);
+    FrameRecord out = std::move(seen_.front());
+    seen_.pop_front();
+    changed_.notify_all();
+    return out;
+  }
+
+ private:
+  void run() {
+    for (; next_ < end_; ++next_) {
+      {
+        std::unique_lock<std::mutex> lock(mutex_);
+        changed_.wait(lock, [&] { return stopped_ || seen_.size() < kAhead; });
+        if (stopped_) return;
+      }
+      std::optional<FrameRecord> record;
+      std::exception_ptr failure;
+      try {
+        record = look_(next_);
+      } catch (...) {
+        failure = std::current_exception();
+      }
+      {
+        const std::lock_guard<std::mutex> lock(mutex_);
+        if (record) seen_.push_back(std::move(*record));
+        failure_ = failure;
+      }
+      changed_.notify_all();
+      if (failure) return;
+    }
+  }
+
+  std::function<FrameRecord(std::size_t)> look_;
+  std::size_t next_, end_;
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  std::deque<FrameRecord> seen_;
+  std::exception_ptr failure_;
+  bool stopped_ = false;
+  std::thread thread_;
 };
 
 /// Reads a drive frame by frame and measures its windows.
@@ -67,14 +147,28 @@ class Measurer {
   }
 
   void run() {
+    const SingleThreadedOpenCv guard;  // frames are read while windows are measured
+    measure_all();
+    for (const auto& [stage, ms] : look_timings_.stages()) timings_.add(stage, ms);
+  }
+
+ private:
+  void measure_all() {
+    std::optional<LookAhead> ahead;
     for (std::size_t i = 0; i < ids_.size(); ++i) {
       if (progress_ && i >= log_.frames().size()) {
         progress_("windows",
                   kWindowsShare * static_cast<double>(i) / static_cast<double>(ids_.size()));
       }
       throw_if_interrupted();
-      const FrameRecord record = i < log_.frames().size() ? log_.frames()[i] : look_at(ids_[i]);
-      if (i >= log_.frames().size()) log_.append(record);
+      const bool known = i < log_.frames().size();
+      if (!known && !ahead) {
+        see_again();
+        ahead.emplace([this](std::size_t at) { return look_at(ids_[at]); }, i, ids_.size(),
+                      resolve_num_threads(options_.window.num_threads) > 1);
+      }
+      const FrameRecord record = known ? log_.frames()[i] : ahead->next();
+      if (!known) log_.append(record);
       if (record.kind == FrameRecord::Kind::kKey) {
         keys_.push_back(record.frame);
         measure_between(keys_.size() - 2);
@@ -93,24 +187,22 @@ class Measurer {
     measure_pending();
   }
 
- private:
   FrameRecord look_at(int id) {
     FramePtr frame;
     try {
-      const StageTimer timer(timings_, "load");
+      const StageTimer timer(look_timings_, "load");
       frame = cache_.get(id);
     } catch (const InputError& error) {
       return {id, FrameRecord::Kind::kUnreadable, error.what()};
     } catch (const NoAnswerError& error) {
       return {id, FrameRecord::Kind::kUnreadable, error.what()};
     }
-    if (!last_) see_again();
     if (last_ && last_->gray.pixels == frame->gray.pixels) {
       return {id, FrameRecord::Kind::kRepeated,
               fmt::format("the picture of frame {}", last_->frame.id)};
     }
-    const StageTimer timer(timings_, "correspondences");
-    const bool key = keys_.empty() || is_key(frame);
+    const StageTimer timer(look_timings_, "correspondences");
+    const bool key = !last_key_ || is_key(frame);
     see(frame, key);
     return {id, key ? FrameRecord::Kind::kKey : FrameRecord::Kind::kBetween, ""};
   }
@@ -122,12 +214,12 @@ class Measurer {
     const double enough = kEnoughNearParallax * scene_.camera.fx;
     const GrayImage small = shrunk(frame->gray);
     const ImageParallax to_key =
-        image_parallax(scene_.camera, shrunk(last_key_->gray), small, kLeastNearMatched);
+        image_parallax(scene_.camera, shrunk(last_key_->gray), small, kLeastNearMatched, 1);
     if (!to_key.near || *to_key.near >= enough) return true;
     const double step =
         last_ == last_key_
             ? to_key.most
-            : image_parallax(scene_.camera, shrunk(last_->gray), small, kLeastNearMatched).most;
+            : image_parallax(scene_.camera, shrunk(last_->gray), small, kLeastNearMatched, 1).most;
     if (step > kLeastStep) moved_ += step;
     return moved_ >= kEnoughMoved * enough;
   }
@@ -252,14 +344,16 @@ class Measurer {
   const Progress& progress_;
   static constexpr int kMostAtOnce = 4;
   static constexpr int kRoadRounds = 1;
-  static constexpr double kSureScale = 0.03;  // of a window's own
+  static constexpr double kSureScale = 0.05;  // of a window's own
   int at_once_;                               // windows
   std::vector<PendingWindow> pending_;
   FrameCache cache_;
   FlowCache flows_;
   std::vector<int> keys_, between_;
+  // Of what looks at frames:
   FramePtr last_, last_key_;
   double moved_ = 0.0;  // px, since the last key frame
+  Timings look_timings_;
 };
 
 }  // namespace

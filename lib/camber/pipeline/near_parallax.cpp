@@ -25,8 +25,9 @@ GrayImage shrunk(const GrayImage& image) {
 }
 
 ImageParallax image_parallax(const PinholeCamera& camera, const GrayImage& a, const GrayImage& b,
-                             double least_matched) {
+                             double least_matched, int num_threads) {
   CorrespondenceOptions options;
+  options.num_threads = num_threads;
   options.step = 4;
   const Correspondences matches = match_images({a, b}, 0, options);
   const double fx = camera.fx * a.width / camera.width;

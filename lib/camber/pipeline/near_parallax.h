@@ -38,8 +38,9 @@ struct ImageParallax {
 
 /// @param a              shrunk(), and so is b; of the camera's images.
 /// @param least_matched  share of the lower third.
+/// @param num_threads    <= 0: see resolve_num_threads.
 ImageParallax image_parallax(const PinholeCamera& camera, const GrayImage& a, const GrayImage& b,
-                             double least_matched);
+                             double least_matched, int num_threads = 0);
 
 /// image_parallax().near
 std::optional<double> near_parallax(const PinholeCamera& camera, const GrayImage& a,
