@@ -9,6 +9,7 @@
 #include <nlohmann/json.hpp>
 
 #include "camber/core/errors.h"
+#include "camber/drive/position_scale.h"
 #include "camber/drive/write_drive.h"
 #include "pipeline/half_scene.h"
 #include "support/test_data.h"
@@ -87,6 +88,30 @@ TEST_F(RunDrive, WhatItsWindowsShareIsBySourcesAndLens) {
   const Trajectory fast = run("speed.log").trajectory;
   EXPECT_LT(fast.common_sigma, 0.02);
   EXPECT_GT(fast.common_sigma, 0.002);
+}
+
+TEST_F(RunDrive, PositionsThatContradictItAreNotFollowed) {
+  const double alone = run("alone.log").trajectory.whole.length;
+  const auto with_positions = [&](double factor, const std::string& log) {
+    for (std::size_t k = 0; k < 3; ++k) {
+      // On the map x is east and z north: the camera looks there, level but for the hill.
+      const Eigen::Vector3d at = scene_.truth->frames[k].world_from_camera->translation();
+      MapPosition position;
+      position.position = {5e5 + factor * at.x(), 5e6 + factor * at.z(), 100.0 - factor * at.y()};
+      position.sigma = 0.01;
+      position.height_sigma = 0.01;
+      scene_.frames[k].map_position = position;
+    }
+    return run(log);
+  };
+  const DriveResult agreeing = with_positions(1.0, "agreeing.log");
+  ASSERT_TRUE(agreeing.positions.has_value());
+  EXPECT_LT(agreeing.positions->disagreement_sigmas, kMostPositionSigmas);
+  const DriveResult contradicting = with_positions(1.5, "contradicting.log");
+  ASSERT_TRUE(contradicting.positions.has_value());
+  EXPECT_GT(contradicting.positions->disagreement_sigmas, kMostPositionSigmas);
+  EXPECT_NEAR(contradicting.trajectory.whole.length, alone, 1e-6 * alone);
+  EXPECT_GT(contradicting.trajectory.common_sigma, 0.3);
 }
 
 TEST_F(RunDrive, AnInterruptedOneGoesOnToTheSameNumbers) {

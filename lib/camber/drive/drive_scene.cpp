@@ -16,6 +16,7 @@
 #include "camber/core/version.h"
 #include "camber/drive/detect_drive.h"
 #include "camber/drive/drive_pictures.h"
+#include "camber/drive/position_scale.h"
 #include "camber/drive/window_log.h"
 #include "camber/drive/write_drive.h"
 #include "camber/image/video.h"
@@ -220,8 +221,7 @@ json warnings_of(const DriveResult& result, const DriveSurface& road) {
                               rejected, result.tracks.tracks.size(), first->id, first->rejected,
                               rejected > 1 ? ", ..." : "")}});
   }
-  constexpr double kMostSigmas = 3.0;
-  if (result.positions && result.positions->disagreement_sigmas > kMostSigmas) {
+  if (result.positions && result.positions->disagreement_sigmas > kMostPositionSigmas) {
     out.push_back(
         {{"code", "positions_contradicted"},
          {"text", fmt::format("by its positions on the map the drive is {:.1f} % {}, {:.1f} "

@@ -168,7 +168,6 @@ std::optional<PositionScale> scale_by_positions(const Trajectory& trajectory,
 }
 
 JoinedScale joined_scale(const Trajectory& trajectory, const PositionScale& positions) {
-  constexpr double kMostSigmas = 3.0;
   JoinedScale out;
   const double own = trajectory.whole.own_sigma / std::max(trajectory.whole.length, 1e-9);
   const double measured = own * own + positions.sigma * positions.sigma;
@@ -180,7 +179,7 @@ JoinedScale joined_scale(const Trajectory& trajectory, const PositionScale& posi
   }
   const double prior = trajectory.common_sigma * trajectory.common_sigma;
   out.disagreement_sigmas = std::abs(positions.log_scale) / std::sqrt(prior + measured);
-  if (out.disagreement_sigmas > kMostSigmas) {
+  if (out.disagreement_sigmas > kMostPositionSigmas) {
     out.common_sigma = std::hypot(trajectory.common_sigma, positions.log_scale);
     return out;
   }

@@ -33,6 +33,8 @@ struct PositionScale {
 std::optional<PositionScale> scale_by_positions(const Trajectory& trajectory,
                                                 const MapPositions& positions);
 
+inline constexpr double kMostPositionSigmas = 3.0;
+
 /// The drive's own scale joined with that of its positions, which know nothing of each other.
 struct JoinedScale {
   double log_scale = 0.0;     ///< of the trajectory's lengths
@@ -41,7 +43,7 @@ struct JoinedScale {
   double disagreement_sigmas = 0.0;
 };
 
-/// Beyond three standard deviations nobody knows which of the two is wrong: the trajectory's scale
+/// Beyond kMostPositionSigmas nobody knows which of the two is wrong: the trajectory's scale
 /// stands, as uncertain as they differ.
 JoinedScale joined_scale(const Trajectory& trajectory, const PositionScale& positions);
 

@@ -123,6 +123,7 @@ Trajectory smooth_on_map(const Scene& scene, const std::vector<int>& frame_ids,
   const JoinedScale joined = joined_scale(alone, *scale);
   *used = DrivePositions{static_cast<int>(map.positions.at.size()), scale->log_scale, scale->sigma,
                          joined.disagreement_sigmas};
+  if (joined.disagreement_sigmas > kMostPositionSigmas) map.positions.at.clear();
   map.log_scale = joined.log_scale;
   map.common_sigma = joined.common_sigma;
   return smooth_trajectory(frame_ids, windows, noise, times, &map);
