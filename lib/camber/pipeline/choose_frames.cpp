@@ -128,7 +128,9 @@ ChosenFrames choose_among(const Scene& scene, const Reference& reference, SmallI
   const GrayImage here = images.read(reference.places[reference.at]);
   const double enough = kEnoughNearParallax * scene.camera.fx;
   double parallax_px = 0.0;
-  double most_a_frame = 0.0;  // px, where what is near the camera stands still in the picture
+  // Where the picture's near texture stands still: px, to the next frame, of what is near and of
+  // what moves most.
+  std::optional<ImageParallax> still;
   std::size_t spacing = 1;
   while (true) {
     const std::size_t other =
@@ -138,12 +140,20 @@ ChosenFrames choose_among(const Scene& scene, const Reference& reference, SmallI
                        spacing == 1 ? kLeastNearMatched : 0.0);
     if (spacing == 1 && parallax.most > kLeastStep &&
         share_about(scene, reference, images) > kRepeated) {
-      most_a_frame = parallax.most;
+      still = parallax;
     }
     // Too fast to be matched at this size is not too slow.
-    parallax_px = std::max(parallax.near.value_or(enough),
-                           most_a_frame * static_cast<double>(spacing) / kEnoughMoved);
+    parallax_px = parallax.near.value_or(enough);
     if (parallax_px >= enough) break;
+    // A camera that crawls moves what is near the farther the longer it goes; a film's coder that
+    // repeats the road does not.
+    if (still && spacing > 1 && still->near &&
+        parallax_px <= 0.5 * static_cast<double>(spacing) * *still->near) {
+      const double needed = kEnoughMoved * enough / still->most;
+      spacing = std::clamp<std::size_t>(static_cast<std::size_t>(std::ceil(needed)), 1, spacing);
+      parallax_px = still->most * static_cast<double>(spacing) / kEnoughMoved;
+      break;
+    }
     // Twice as far, or what the speed so far calls for; never farther than there are frames.
     const double factor = std::clamp(enough / std::max(parallax_px, 0.1), 1.5, 4.0);
     const auto next = std::min(
