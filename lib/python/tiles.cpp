@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "camber/cloud/coordinate_system.h"
+#include "camber/cloud/units.h"
 #include "camber/core/atomic_file.h"
 #include "camber/core/errors.h"
 #include "camber/import/maps/proj_systems.h"
@@ -84,29 +85,34 @@ TileGroundFrom ground_from_of(const std::string& name) {
                               "', expected 'job', 'class' or 'all'");
 }
 
-/// The line of profiles: N x 2 or N x 3 in the tiles' coordinates and units, to metres.
+/// The line of profiles, N x 2 or N x 3 in the tiles' coordinates and units, in metres: as the
+/// program has it of a file, bit for bit, so that either goes on where the other stopped.
 std::vector<Eigen::Vector3d> line_of(const TilePlan& plan, const py::object& value) {
   if (value.is_none()) throw std::invalid_argument("line: found none, expected N x 2 or N x 3");
-  const py::array array = py::array::ensure(value);
-  if (!array) PyErr_Clear();
-  const bool flat = array && array.ndim() == 2 && array.shape(1) == 2;
+  using Rows = py::array_t<double, py::array::c_style | py::array::forcecast>;
   std::vector<Eigen::Vector3d> line;
-  if (flat) {
-    const auto rows = py::array_t<double, py::array::c_style | py::array::forcecast>::ensure(array);
-    if (!rows) throw std::invalid_argument("line: expected numbers of N x 2 or N x 3");
+  const Rows rows = Rows::ensure(value);
+  if (rows && rows.ndim() == 2 && rows.shape(1) == 2) {
     for (py::ssize_t i = 0; i < rows.shape(0); ++i) {
       line.emplace_back(rows.at(i, 0), rows.at(i, 1), 0.0);
     }
   } else {
     line = to_points(value, "line");
   }
-  for (Eigen::Vector3d& place : line) {
-    if (!place.head<2>().allFinite()) {
-      throw std::invalid_argument("line: found a place that is not finite, expected numbers");
-    }
-    place = place.cwiseProduct(Eigen::Vector3d(plan.metres, plan.metres, plan.height_metres));
+  for (const Eigen::Vector3d& place : line) {
+    if (place.head<2>().allFinite()) continue;
+    throw std::invalid_argument("line: found a place that is not finite, expected numbers");
   }
   check_tile_line("line", &line);
+  RoadCloud cloud = cloud_from_points(
+      Rows({static_cast<py::ssize_t>(line.size()), py::ssize_t{3}}, line[0].data()), "line");
+  CoordinateSystem units;
+  units.horizontal.metres = plan.metres;
+  units.vertical.metres = plan.height_metres;
+  to_metres(&cloud, units);
+  for (std::size_t i = 0; i < line.size(); ++i) {
+    line[i] = cloud.origin + cloud.points[i].cast<double>();
+  }
   return line;
 }
 

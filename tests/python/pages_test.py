@@ -207,6 +207,13 @@ class Examples(unittest.TestCase):
         self.assertEqual([s.height for s in measured if s.status != "failed"],
                          [s["height"] for s in b["stations"] if s["status"] != "failed"])
         self.assertAlmostEqual(measured[20].grade, 0.04, delta=0.001)
+        # The join of a line that the program ran, of numbers that are no floats.
+        pathlib.Path("line.csv").write_text("5.1,0.3,0\n30.7,-0.2,0\n54.9,0.1,0\n")
+        run_program("tiles", "run", "measured", "--job", "profile", "--along", "line.csv",
+                    "--out", "bent")
+        bent = camber.join_tiles("measured", "profile", out="bent",
+                                 line=[[5.1, 0.3], [30.7, -0.2], [54.9, 0.1]])
+        self.assertGreater(len(bent["stations"]), 40)
         # Heights of the line are of no account; another line, or none, is refused.
         again = camber.run_tiles("out/plan", "profile", line=[[5, 0, 3], [55, 0, 4]])
         self.assertEqual(again["done_before"], again["tiles"])
