@@ -71,10 +71,6 @@ CoordinateSystem crs_from_definition(const std::string& definition, const std::s
   return system;
 }
 
-std::string definition_of(const CoordinateSystem& system) {
-  return system.epsg != 0 ? fmt::format("EPSG:{}", system.epsg) : system.wkt;
-}
-
 std::string proj_string_of_definition(const std::string& definition) {
   if (definition.empty()) return {};
   static const auto call = reinterpret_cast<ProjString>(plugin_symbol("crs", "camber_proj_string"));
@@ -110,18 +106,6 @@ std::vector<GeoPoint> places_on_earth(const std::string& crs,
     out[i].latitude = turned[i].y();
   }
   return out;
-}
-
-std::string definition_for_raster(const CoordinateSystem& system) {
-  if (system.epsg != 0 && system.vertical_epsg != 0) {
-    return fmt::format("EPSG:{}+{}", system.epsg, system.vertical_epsg);
-  }
-  return system.vertical_stated && !system.wkt.empty() ? system.wkt : definition_of(system);
-}
-
-std::string height_unit_of(const CoordinateSystem& system) {
-  const bool other = system.vertical.known() && !system.vertical.metre();
-  return other ? system.vertical.name : "m";
 }
 
 void complete_crs(CoordinateSystem* system) { complete_system(system, look_up_crs); }

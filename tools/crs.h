@@ -23,15 +23,6 @@ CoordinateSystem crs_from_definition(const std::string& definition, const std::s
 /// What PROJ knows of a definition: a FindSystem.
 bool look_up_crs(const std::string& definition, CoordinateSystem* found, std::string* reason);
 
-/// Code or text that PROJ reads.
-std::string definition_of(const CoordinateSystem& system);
-
-/// The same of a raster with heights: compound systems as EPSG:n+m where they are known by codes.
-std::string definition_for_raster(const CoordinateSystem& system);
-
-/// The unit of heights as bands of a raster state it.
-std::string height_unit_of(const CoordinateSystem& system);
-
 /// A system as a PROJ string, which simulators read of OpenDRIVE; as it is given where PROJ has
 /// none for it.
 std::string proj_string_of_definition(const std::string& definition);

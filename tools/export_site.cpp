@@ -195,7 +195,7 @@ Site load_site(const ExportArguments& args, const CommonOptions& common) {
   }
   if (site.ground == 0) {
     throw NoAnswerError(fmt::format("{}: found no point of the ground (--ground-from {})",
-                                    args.input, name_of(site.source)));
+                                    args.input, to_string(site.source)));
   }
   return site;
 }
@@ -366,7 +366,7 @@ json export_site(const CommonOptions& common, const ExportArguments& args, Timin
   std::map<std::string, std::string> metadata = {
       {"TIFFTAG_SOFTWARE", std::string("Camber ") + kVersion},
       {"TIFFTAG_IMAGEDESCRIPTION", "ground and surface of a cloud's points"},
-      {"CAMBER_GROUND_FROM", name_of(site.source)}};
+      {"CAMBER_GROUND_FROM", to_string(site.source)}};
   AtomicFiles files;
   writer.write_cloud_optimized(heights, site.definition, metadata, files.stage(args.out));
   if (shades) {
@@ -394,7 +394,7 @@ json export_site(const CommonOptions& common, const ExportArguments& args, Timin
         "cells with points have no ground\n",
         args.out, grid.columns, grid.rows, grid.cell,
         site.crs.horizontal.known() ? site.crs.horizontal.name : "m", site.ground, site.points,
-        name_of(site.source), 100.0 * share);
+        to_string(site.source), 100.0 * share);
   }
   return {{"columns", grid.columns},
           {"rows", grid.rows},
@@ -405,7 +405,7 @@ json export_site(const CommonOptions& common, const ExportArguments& args, Timin
           {"unanswered_share", share},
           {"points", site.points},
           {"ground_points", site.ground},
-          {"ground_from", name_of(site.source)},
+          {"ground_from", to_string(site.source)},
           {"height_unit", height_unit},
           {"hillshade", args.hillshade.empty() ? json(nullptr) : json(args.hillshade)},
           {"geo_reference", site.definition}};

@@ -40,26 +40,10 @@ std::string remark_on_ground(const GroundSegmentation& found) {
       100.0 * found.ground_area_share, found.largest_object);
 }
 
-const char* name_of(GroundSource source) {
-  switch (source) {
-    case GroundSource::kClasses:
-      return "class";
-    case GroundSource::kLabels:
-      return "label";
-    case GroundSource::kCompute:
-      return "compute";
-    case GroundSource::kAll:
-      return "all";
-    case GroundSource::kAuto:
-      break;
-  }
-  return "auto";
-}
-
 GroundSource ground_source_from(const std::string& name) {
   for (const GroundSource source : {GroundSource::kClasses, GroundSource::kLabels,
                                     GroundSource::kCompute, GroundSource::kAll}) {
-    if (name == name_of(source)) return source;
+    if (name == to_string(source)) return source;
   }
   return GroundSource::kAuto;
 }

@@ -22,8 +22,7 @@ double ground_margin(const GroundOptions& options);
 /// A warning where ground was found in the smaller part of the area that has points; else empty.
 std::string remark_on_ground(const GroundSegmentation& found);
 
-/// "auto", "class", "label", "compute", "all", as --ground-from takes them.
-const char* name_of(GroundSource source);
-GroundSource ground_source_from(const std::string& name);  ///< kAuto for another name
+/// The source of a name of --ground-from, as to_string() has them; kAuto for another name.
+GroundSource ground_source_from(const std::string& name);
 
 }  // namespace camber::tools

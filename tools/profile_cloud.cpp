@@ -13,6 +13,7 @@
 #include "camber/core/errors.h"
 #include "camber/core/interruption.h"
 #include "camber/core/stopwatch.h"
+#include "camber/export/profile_table.h"
 #include "camber/image/image_io.h"
 #include "camber/render/result_plots.h"
 #include "camber/scene/results.h"
@@ -20,7 +21,6 @@
 #include "crs.h"
 #include "ground_points.h"
 #include "own_inputs.h"
-#include "profile_table.h"
 #include "raster_input.h"
 #include "strip_input.h"
 #include "unknown_scale.h"
@@ -230,7 +230,7 @@ int profile_of_cloud(const Command& command, const CloudProfileArguments& args) 
   const std::size_t answered = answered_stations(profile);
   json result = sections_json(
       profile, options, {args.cloud, args.line, args.ground_from, in.level, cloud.metric, &ground},
-      command.common);
+      command.common.seed);
   result.update(in.about);
   add_other_options(command, &result["options"]);
   StageTimer write(timings, "write");
@@ -260,7 +260,7 @@ int profile_of_cloud(const Command& command, const CloudProfileArguments& args) 
   if (!args.output.print(result, timings) && !args.output.out.empty()) {
     fmt::print("{}: {} of {} stations, {} points of the ground ({}), noise {:.3f} {}\n",
                args.output.out, answered, profile.stations.size(), ground.points.size(),
-               name_of(ground.source), profile.noise, cloud.metric ? "m" : "units");
+               to_string(ground.source), profile.noise, cloud.metric ? "m" : "units");
   }
   return 0;
 }

@@ -5,6 +5,7 @@
 #include <stdexcept>
 
 #include "camber/cloud/point_stream.h"
+#include "camber/core/errors.h"
 
 namespace camber::python {
 namespace {
@@ -117,6 +118,16 @@ std::vector<Eigen::Vector3d> to_points(const py::handle& value, const std::strin
   std::vector<Eigen::Vector3d> out(static_cast<std::size_t>(rows.shape(0)));
   std::memcpy(out[0].data(), rows.data(), 24 * out.size());
   return out;
+}
+
+py::object gdal_function(const char* name) {
+  try {
+    return py::module_::import("camber._gdal").attr(name);
+  } catch (const py::error_already_set& error) {
+    if (!error.matches(PyExc_ImportError)) throw;
+    throw MachineError("the module was built without GDAL (Debian's libgdal-dev): " +
+                       std::string(error.what()));
+  }
 }
 
 py::object to_python(const nlohmann::json& json) {

@@ -77,6 +77,10 @@ std::vector<Eigen::Vector3d> to_points(const py::handle& array, const std::strin
 
 py::object to_python(const nlohmann::json& json);
 
+/// A function of camber._gdal: GDAL, which brings a hundred libraries, is in a module of its own,
+/// which is loaded here. @throws MachineError where the module was built without it
+py::object gdal_function(const char* name);
+
 /// "continuity", "paper" or "none". @throws std::invalid_argument
 Consistency consistency_of(const std::string& name);
 

@@ -304,17 +304,9 @@ py::dict written_mesh(const RoadToExport& road, const SmoothLine& line, const Ex
   return done;
 }
 
-/// GDAL, which brings a hundred libraries, is in a module of its own, which is loaded here.
 py::dict written_geotiff(const RoadToExport& road, const SmoothLine& line, const ExportKeywords& k,
                          const fs::path& out, const RoadCloud* colored, const PlanCorridor& where) {
-  py::object encode;
-  try {
-    encode = py::module_::import("camber._gdal").attr("encode_geotiff");
-  } catch (const py::error_already_set& error) {
-    if (!error.matches(PyExc_ImportError)) throw;
-    throw MachineError("the module was built without GDAL (Debian's libgdal-dev): " +
-                       std::string(error.what()));
-  }
+  const py::object encode = gdal_function("encode_geotiff");
   RoadRasterOptions options;
   options.cell = k.step;
   options.left = k.left;

@@ -181,6 +181,62 @@ class Examples(unittest.TestCase):
         with self.assertRaises(camber.NoAnswerError):
             camber.join_tiles("out/plan", "filter", out="nowhere")
 
+    def test_profiles_and_rasters_of_tiles_are_those_of_the_program(self):
+        pathlib.Path("line.csv").write_text("5,0,0\n55,0,0\n")
+        jobs = (("ground", [], []),
+                ("profile", ["--along", "line.csv"], ["--along", "line.csv", "--crown"]),
+                ("export", ["--step", "0.5"], ["--cog", "survey.tif"]))
+        run_program("tiles", "plan", "out/survey.laz", "--tile", "30", "--out", "measured")
+        for job, of_run, of_join in jobs:
+            run_program("tiles", "run", "measured", "--job", job, *of_run)
+            run_program("tiles", "join", "measured", "--job", job, *of_join)
+            a, b = (json.loads(pathlib.Path(plan, job, "index.json").read_text())
+                    for plan in ("measured", "out/plan"))
+            self.assertEqual([t["hash"] for t in a["tiles"]], [t["hash"] for t in b["tiles"]], job)
+        for a, b in (("measured/profile/profile.csv", "out/plan/profile/profile.csv"),
+                     ("measured/export/mosaic.vrt", "out/plan/export/mosaic.vrt"),
+                     ("survey.tif", "out/survey.tif")):
+            self.assertEqual(pathlib.Path(a).read_bytes(), pathlib.Path(b).read_bytes(), b)
+        a, b = (json.loads(pathlib.Path(plan, "profile/profile.json").read_text())
+                for plan in ("measured", "out/plan"))
+        self.assertIsNone(b["along"])
+        for document in (a, b):
+            del document["file"], document["along"]
+        self.assertEqual(a, b)
+        measured = self.names["measured"]
+        self.assertEqual([s.height for s in measured if s.status != "failed"],
+                         [s["height"] for s in b["stations"] if s["status"] != "failed"])
+        self.assertAlmostEqual(measured[20].grade, 0.04, delta=0.001)
+        # The join of a line that the program ran, of numbers that are no floats.
+        pathlib.Path("line.csv").write_text("5.1,0.3,0\n30.7,-0.2,0\n54.9,0.1,0\n")
+        run_program("tiles", "run", "measured", "--job", "profile", "--along", "line.csv",
+                    "--out", "bent")
+        bent = camber.join_tiles("measured", "profile", out="bent",
+                                 line=[[5.1, 0.3], [30.7, -0.2], [54.9, 0.1]])
+        self.assertGreater(len(bent["stations"]), 40)
+        # Heights of the line are of no account; another line, or none, is refused.
+        again = camber.run_tiles("out/plan", "profile", line=[[5, 0, 3], [55, 0, 4]])
+        self.assertEqual(again["done_before"], again["tiles"])
+        for job, keywords, why in (
+                ("profile", {}, "line: found none"),
+                ("profile", {"line": [[5, 0], [numpy.nan, 0]]}, "line: found a place"),
+                ("profile", {"line": [[5], [6]]}, "line: found"),
+                ("profile", {"line": [[5, 0], [6, 0]]}, "another"),
+                ("profile", {"line": [[5, 0], [55, 0]], "half_width": -1.0}, "half_width"),
+                ("export", {"step": 0.5, "ground_from": "odd"}, "ground_from: found 'odd'"),
+                ("export", {"step": 0.5, "crs": "odd"}, "crs: found 'odd'"),
+                ("export", {"step": 1.0}, "another value of 'step'")):
+            with self.assertRaisesRegex(ValueError, why):
+                camber.run_tiles("out/plan", job, **keywords)
+        with self.assertRaisesRegex(camber.NoAnswerError, "does not leave"):
+            camber.run_tiles("out/plan", "profile", line=[[5, 0], [5, 0]])
+        with self.assertRaisesRegex(camber.UsageError, "another line"):
+            camber.join_tiles("out/plan", "profile", line=[[5, 0], [6, 0]])
+        with self.assertRaisesRegex(ValueError, "cog: found job 'ground'"):
+            camber.join_tiles("out/plan", "ground", cog="no.tif")
+        with self.assertRaises(camber.OutputError):
+            camber.join_tiles("out/plan", "export", cog="nowhere/no.tif")
+
     def test_a_drive_is_that_of_the_program(self):
         run_program("drive", source / "samples/steep_hill", "--no-pictures", "--out", "drive")
         for name in ("drive.json", "vehicles.json", "tracks.json", "poses.txt"):

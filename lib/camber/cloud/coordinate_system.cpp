@@ -533,6 +533,22 @@ bool system_of_definition(const std::string& definition, const FindSystem& find,
   return true;
 }
 
+std::string definition_of(const CoordinateSystem& system) {
+  return system.epsg != 0 ? "EPSG:" + std::to_string(system.epsg) : system.wkt;
+}
+
+std::string definition_for_raster(const CoordinateSystem& system) {
+  if (system.epsg != 0 && system.vertical_epsg != 0) {
+    return "EPSG:" + std::to_string(system.epsg) + "+" + std::to_string(system.vertical_epsg);
+  }
+  return system.vertical_stated && !system.wkt.empty() ? system.wkt : definition_of(system);
+}
+
+std::string height_unit_of(const CoordinateSystem& system) {
+  const bool other = system.vertical.known() && !system.vertical.metre();
+  return other ? system.vertical.name : "m";
+}
+
 std::string describe(const CoordinateSystem& system) {
   std::string out = system.name.empty() ? std::string(to_string(system.kind)) : system.name;
   for (char& c : out) {

@@ -93,6 +93,15 @@ void complete_system(CoordinateSystem* system, const FindSystem& find);
 bool system_of_definition(const std::string& definition, const FindSystem& find,
                           CoordinateSystem* system, std::string* reason);
 
+/// Code or text that PROJ reads.
+std::string definition_of(const CoordinateSystem& system);
+
+/// The same of a raster with heights: compound systems as EPSG:n+m where they are known by codes.
+std::string definition_for_raster(const CoordinateSystem& system);
+
+/// The unit of heights as bands of a raster state it.
+std::string height_unit_of(const CoordinateSystem& system);
+
 /// One line for people: name, code and units.
 std::string describe(const CoordinateSystem& system);
 

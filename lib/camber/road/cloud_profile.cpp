@@ -654,6 +654,22 @@ bool ProfileCorridor::contains(const Vector3d& point) const {
 
 const Eigen::AlignedBox2d& ProfileCorridor::bounds() const { return state_->bounds; }
 
+const char* to_string(GroundSource source) {
+  switch (source) {
+    case GroundSource::kClasses:
+      return "class";
+    case GroundSource::kLabels:
+      return "label";
+    case GroundSource::kCompute:
+      return "compute";
+    case GroundSource::kAll:
+      return "all";
+    case GroundSource::kAuto:
+      break;
+  }
+  return "auto";
+}
+
 GroundBesideLine ground_beside_line(const RoadCloud& cloud, const Vector3d& up_given,
                                     const std::vector<Vector3d>& line, double half_width,
                                     GroundSource source, int num_threads) {

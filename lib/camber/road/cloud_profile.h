@@ -88,6 +88,9 @@ enum class GroundSource {
   kAll,      ///< every point
 };
 
+/// "auto", "class", "label", "compute", "all"
+const char* to_string(GroundSource source);
+
 /// Ground of a cloud beside a line.
 struct GroundBesideLine {
   Status status = Status::kNotRun;  ///< kOk, or kFailed with a reason

@@ -354,6 +354,26 @@ bool holds_files(const fs::path& folder) {
 
 }  // namespace
 
+std::optional<CoordinateSystem> system_of_tiles(const TilePlan& plan,
+                                                const std::optional<CoordinateSystem>& given,
+                                                const FindSystem& find) {
+  ReadOptions reading;
+  reading.crs = given;
+  std::optional<CoordinateSystem> out = open_point_source(plan.path_of(0), reading)->header().crs;
+  if (out) complete_system(&*out, find);
+  return out;
+}
+
+void set_raster_system(const TilePlan& plan, const CoordinateSystem& system, TileJob* job) {
+  if (system.horizontal.angle) {
+    throw NoAnswerError(plan.path_of(0).string() +
+                        ": the coordinates are longitude and latitude (" + describe(system) +
+                        "); rasters of tiles need coordinates on a map");
+  }
+  job->crs = definition_for_raster(system);
+  job->height_unit = height_unit_of(system);
+}
+
 const char* to_string(TileJob::Kind kind) {
   switch (kind) {
     case TileJob::Kind::kFilter:

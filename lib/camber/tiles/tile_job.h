@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "camber/cloud/coordinate_system.h"
 #include "camber/core/progress.h"
 #include "camber/export/gdal/cloud_optimized.h"
 #include "camber/scene/results.h"
@@ -61,6 +62,15 @@ struct TileJob {
 
   void validate() const;  ///< throws std::invalid_argument naming field, value and bound
 };
+
+/// The coordinate system of a plan's tiles, completed: as it is given, else as the first one states
+/// it.
+std::optional<CoordinateSystem> system_of_tiles(const TilePlan& plan,
+                                                const std::optional<CoordinateSystem>& given,
+                                                const FindSystem& find);
+
+/// kExport: sets what rasters state of a system. @throws NoAnswerError for longitudes and latitudes
+void set_raster_system(const TilePlan& plan, const CoordinateSystem& system, TileJob* job);
 
 /// "ground", "filter", "voxels", "normals", "patches", "compare", "labels", "export", "profile"
 const char* to_string(TileJob::Kind kind);

@@ -1,13 +1,13 @@
 #pragma once
 
 #include <cstddef>
+#include <cstdint>
 #include <nlohmann/json_fwd.hpp>
 #include <string>
 
 #include "camber/road/cloud_profile.h"
-#include "command.h"
 
-namespace camber::tools {
+namespace camber {
 
 /// What a profile of points is of.
 struct ProfiledPoints {
@@ -26,6 +26,6 @@ std::string sections_csv(const CloudProfile& profile, bool metric, bool crown);
 
 /// The same as one object, with options, but for timings.
 nlohmann::json sections_json(const CloudProfile& profile, const CloudProfileOptions& options,
-                             const ProfiledPoints& of, const CommonOptions& common);
+                             const ProfiledPoints& of, std::uint64_t seed);
 
-}  // namespace camber::tools
+}  // namespace camber

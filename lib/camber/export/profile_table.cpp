@@ -1,4 +1,4 @@
-#include "profile_table.h"
+#include "camber/export/profile_table.h"
 
 #include <fmt/format.h>
 
@@ -9,11 +9,10 @@
 
 #include "camber/core/status.h"
 #include "camber/core/version.h"
-#include "ground_points.h"
 
 using nlohmann::json;
 
-namespace camber::tools {
+namespace camber {
 namespace {
 
 constexpr double kDegree = M_PI / 180.0;
@@ -145,9 +144,9 @@ std::size_t answered_stations(const CloudProfile& profile) {
 }
 
 json sections_json(const CloudProfile& profile, const CloudProfileOptions& options,
-                   const ProfiledPoints& of, const CommonOptions& common) {
+                   const ProfiledPoints& of, std::uint64_t seed) {
   return {{"version", kVersion},
-          {"seed", common.seed},
+          {"seed", seed},
           {"options",
            {{"step", options.profile.step},
             {"length", options.profile.length},
@@ -160,7 +159,7 @@ json sections_json(const CloudProfile& profile, const CloudProfileOptions& optio
           {"along", of.along},
           {"metric", of.metric},
           {"level", of.level},
-          {"ground_from", name_of(of.ground->source)},
+          {"ground_from", to_string(of.ground->source)},
           {"ground_points", of.ground->points.size()},
           {"noise", number(profile.noise)},
           {"density", profile.density},
@@ -168,4 +167,4 @@ json sections_json(const CloudProfile& profile, const CloudProfileOptions& optio
           {"stations", stations_json(profile, options.crown)}};
 }
 
-}  // namespace camber::tools
+}  // namespace camber
