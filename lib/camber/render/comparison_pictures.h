@@ -14,8 +14,8 @@ Image draw_histogram(const CloudComparison& comparison);
 /// thresholds marked.
 Image draw_cumulative(const CloudComparison& comparison);
 
-/// The map of signed height errors, the road's direction, or x, to the right; blue too low, orange too
-/// high.
+/// The map of signed height errors, the road's direction, or x, to the right; blue too low, orange
+/// too high.
 Image draw_height_map(const CloudComparison& comparison);
 
 /// A cloud coloured by its distances (viridis, `largest` m and beyond at the yellow end; grey: not

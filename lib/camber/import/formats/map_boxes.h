@@ -40,8 +40,8 @@ class MapBoxFile {
 
   const std::vector<MapBox>& boxes() const { return boxes_; }
   const char* form() const;  ///< "nuscenes" or "argoverse2"
-  /// The file, a Feather file as CSV, with other centres and rotations, and what was done: camber_status, camber_reason and
-  /// camber_height_sigma of each box.
+  /// The file, a Feather file as CSV, with other centres and rotations, and what was done:
+  /// camber_status, camber_reason and camber_height_sigma of each box.
   /// @param boxes, notes  one a box, in their order.
   std::string encoded(const std::vector<MapBox>& boxes, const std::vector<MapBoxNote>& notes) const;
 
