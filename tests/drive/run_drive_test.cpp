@@ -105,11 +105,11 @@ TEST_F(RunDrive, PositionsThatContradictItAreNotFollowed) {
     return run(log);
   };
   const DriveResult agreeing = with_positions(1.0, "agreeing.log");
-  ASSERT_TRUE(agreeing.positions.has_value());
-  EXPECT_LT(agreeing.positions->disagreement_sigmas, kMostPositionSigmas);
+  ASSERT_TRUE(agreeing.document.positions.has_value());
+  EXPECT_LT(agreeing.document.positions->disagreement_sigmas, kMostPositionSigmas);
   const DriveResult contradicting = with_positions(1.5, "contradicting.log");
-  ASSERT_TRUE(contradicting.positions.has_value());
-  EXPECT_GT(contradicting.positions->disagreement_sigmas, kMostPositionSigmas);
+  ASSERT_TRUE(contradicting.document.positions.has_value());
+  EXPECT_GT(contradicting.document.positions->disagreement_sigmas, kMostPositionSigmas);
   EXPECT_NEAR(contradicting.trajectory.whole.length, alone, 1e-6 * alone);
   EXPECT_GT(contradicting.trajectory.common_sigma, 0.3);
 }

@@ -221,14 +221,15 @@ json warnings_of(const DriveResult& result, const DriveSurface& road) {
                               rejected, result.tracks.tracks.size(), first->id, first->rejected,
                               rejected > 1 ? ", ..." : "")}});
   }
-  if (result.positions && result.positions->disagreement_sigmas > kMostPositionSigmas) {
+  const std::optional<DrivePositions>& positions = result.document.positions;
+  if (positions && positions->disagreement_sigmas > kMostPositionSigmas) {
     out.push_back(
         {{"code", "positions_contradicted"},
          {"text", fmt::format("by its positions on the map the drive is {:.1f} % {}, {:.1f} "
                               "standard deviations: its length is known no better",
-                              100.0 * std::abs(std::expm1(result.positions->log_scale)),
-                              result.positions->log_scale > 0.0 ? "longer" : "shorter",
-                              result.positions->disagreement_sigmas)}});
+                              100.0 * std::abs(std::expm1(positions->log_scale)),
+                              positions->log_scale > 0.0 ? "longer" : "shorter",
+                              positions->disagreement_sigmas)}});
   }
   for (const RunDocument::Warning& warning : road.run.warnings) {
     out.push_back({{"code", warning.code}, {"text", warning.text}});

@@ -166,15 +166,16 @@ DriveResult run_drive(const Scene& scene, const std::vector<int>& frame_ids,
 
   std::vector<WindowMeasurement> windows = windows_without_roads(*log);
   require_motion(windows);
+  std::optional<DrivePositions> positions;
   out.trajectory = run("motion", 0.95, [&] {
-    return smooth_on_map(scene, frame_ids, windows, options.noise, &out.positions);
+    return smooth_on_map(scene, frame_ids, windows, options.noise, &positions);
   });
   name_skipped_frames(log->frames(), &out.trajectory);
   const std::map<int, double> factors = scale_factors(out.trajectory, windows);
   const EgoRoads roads = ego_roads(windows, out.trajectory, factors);
   out.up = drive_up(scene, out.trajectory, windows, &out.level_by_gravity);
   out.document = drive_document(scene, out.trajectory, windows, factors, roads, out.up);
-  out.document.positions = out.positions;
+  out.document.positions = positions;
   out.strip = run("surface", 0.97, [&] {
     return strip_of(*log, out.trajectory, factors, out.up,
                     camera_feet(out.trajectory, roads, out.document), options.strip);

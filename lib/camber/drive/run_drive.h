@@ -1,7 +1,6 @@
 #pragma once
 
 #include <filesystem>
-#include <optional>
 #include <string>
 #include <vector>
 
@@ -31,7 +30,6 @@ struct DriveOptions {
 struct DriveResult {
   Trajectory trajectory;
   DriveDocument document;                        ///< drive.json: lengths, mounting, every frame
-  std::optional<DrivePositions> positions = {};  ///< on a map; none: of no use, or none given
   Eigen::Vector3d up{0, -1, 0};                  ///< unit, world (the first frame's camera)
   bool level_by_gravity = false;  ///< `up` is gravity's; false: the mean of the road's normals
   RoadStrip strip;

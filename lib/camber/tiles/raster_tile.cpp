@@ -8,6 +8,7 @@
 #include <stdexcept>
 
 #include "camber/core/errors.h"
+#include "camber/core/markup.h"
 #include "camber/export/gdal/geotiff.h"
 #include "camber/export/site_bands.h"
 #include "camber/export/site_points.h"
@@ -198,33 +199,6 @@ TileRaster make_tile_raster(const TilePlan& plan, std::size_t tile, const TileFi
   return out;
 }
 
-namespace {
-
-std::string escaped(const std::string& text) {
-  std::string out;
-  for (const char c : text) {
-    switch (c) {
-      case '&':
-        out += "&amp;";
-        break;
-      case '<':
-        out += "&lt;";
-        break;
-      case '>':
-        out += "&gt;";
-        break;
-      case '"':
-        out += "&quot;";
-        break;
-      default:
-        out += c;
-    }
-  }
-  return out;
-}
-
-}  // namespace
-
 std::string raster_mosaic(const std::vector<std::string>& files,
                           const std::vector<CellWindow>& windows, const RasterPlan& raster,
                           const std::string& crs, const std::string& height_unit,
@@ -251,12 +225,13 @@ std::string raster_mosaic(const std::vector<std::string>& files,
   const SiteGrid grid = grid_of({west, north, east - west, south - north}, raster.cell);
   std::string text =
       fmt::format("<VRTDataset rasterXSize=\"{}\" rasterYSize=\"{}\">\n", grid.columns, grid.rows);
-  if (!crs.empty()) text += "  <SRS>" + escaped(crs) + "</SRS>\n";
+  if (!crs.empty()) text += "  <SRS>" + escaped_markup(crs) + "</SRS>\n";
   text += fmt::format("  <GeoTransform>{:.17g}, {:.17g}, 0, {:.17g}, 0, {:.17g}</GeoTransform>\n",
                       grid.west, grid.cell, grid.north, -grid.cell);
   text += "  <Metadata>\n";
   for (const auto& [name, value] : metadata) {
-    text += fmt::format("    <MDI key=\"{}\">{}</MDI>\n", escaped(name), escaped(value));
+    text +=
+        fmt::format("    <MDI key=\"{}\">{}</MDI>\n", escaped_markup(name), escaped_markup(value));
   }
   text += "  </Metadata>\n";
   const std::vector<RasterBand> bands = site_bands(height_unit);
@@ -264,9 +239,9 @@ std::string raster_mosaic(const std::vector<std::string>& files,
     text += fmt::format(
         "  <VRTRasterBand dataType=\"Float32\" band=\"{}\">\n"
         "    <Description>{}</Description>\n    <NoDataValue>{}</NoDataValue>\n",
-        b + 1, escaped(bands[b].name), kGeoTiffNoData);
+        b + 1, escaped_markup(bands[b].name), kGeoTiffNoData);
     if (!bands[b].unit.empty()) {
-      text += "    <UnitType>" + escaped(bands[b].unit) + "</UnitType>\n";
+      text += "    <UnitType>" + escaped_markup(bands[b].unit) + "</UnitType>\n";
     }
     for (std::size_t k = 0; k < files.size(); ++k) {
       const CellWindow& window = windows[k];
@@ -282,7 +257,7 @@ std::string raster_mosaic(const std::vector<std::string>& files,
           "      <DstRect xOff=\"{}\" yOff=\"{}\" {}/>\n"
           "      <NODATA>{}</NODATA>\n"
           "    </ComplexSource>\n",
-          escaped(files[k]), b + 1, window.columns, window.rows, size, window.column - west,
+          escaped_markup(files[k]), b + 1, window.columns, window.rows, size, window.column - west,
           window.row - north, size, kGeoTiffNoData);
     }
     text += "  </VRTRasterBand>\n";

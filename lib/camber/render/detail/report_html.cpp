@@ -5,32 +5,12 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
+#include "camber/core/markup.h"
 #include "camber/render/color_map.h"
 
 namespace camber::detail {
 
-std::string escape(const std::string& text) {
-  std::string out;
-  for (const char c : text) {
-    switch (c) {
-      case '&':
-        out += "&amp;";
-        break;
-      case '<':
-        out += "&lt;";
-        break;
-      case '>':
-        out += "&gt;";
-        break;
-      case '"':
-        out += "&quot;";
-        break;
-      default:
-        out += c;
-    }
-  }
-  return out;
-}
+std::string escape(const std::string& text) { return escaped_markup(text); }
 
 std::string number(double value, int decimals) {
   return std::isfinite(value) ? format_number(value, decimals) : "&ndash;";
