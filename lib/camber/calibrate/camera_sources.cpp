@@ -84,7 +84,7 @@ CameraJoint join_sources(std::vector<CameraSource>* sources) {
     return (all[i].value - expected.value) /
            std::sqrt(all[i].sigma * all[i].sigma + expected.variance);
   };
-  double widened = 1.0;
+  std::vector<std::size_t> unresolved;
   while (true) {
     std::size_t worst = all.size();
     for (std::size_t i = 0; i < all.size(); ++i) {
@@ -98,25 +98,10 @@ CameraJoint join_sources(std::vector<CameraSource>* sources) {
       }
     }
     if (worst == all.size()) break;
-    CameraSource& out = all[worst];
-    out.accepted = false;
-    out.reason = fmt::format("{:.1f} standard deviations off the other sources",
-                             std::abs(out.residual_sigma));
-    // Without the best of the others: is it still known?
-    const Expected by_all =
-        expected_by(information_of(all, [&](std::size_t j) { return all[j].accepted; }), out);
-    double without_best = by_all.variance;
-    for (std::size_t i = 0; i < all.size(); ++i) {
-      if (!all[i].accepted) continue;
-      const Expected rest = expected_by(
-          information_of(all, [&](std::size_t j) { return j != i && all[j].accepted; }), out);
-      without_best = std::max(without_best, rest.variance);
-    }
-    // A second opinion that is at least as good as a third of the difference.
-    const double difference = std::abs(out.value - by_all.value);
-    if (without_best > difference * difference / (kGate * kGate)) {
-      widened = std::max(widened, std::abs(out.residual_sigma));
-    }
+    all[worst].accepted = false;
+    all[worst].reason = fmt::format("{:.1f} standard deviations off the other sources",
+                                    std::abs(all[worst].residual_sigma));
+    unresolved.push_back(worst);
   }
   const Information joint = information_of(all, [&](std::size_t i) { return all[i].accepted; });
   if (!(std::abs(joint.matrix.determinant()) > 1e-9)) {
@@ -125,7 +110,25 @@ CameraJoint join_sources(std::vector<CameraSource>* sources) {
   CameraJoint out;
   out.covariance = joint.matrix.inverse();
   out.value = out.covariance * joint.vector;
-  out.covariance *= widened * widened;
+  for (const std::size_t i : unresolved) {
+    const Eigen::Vector2d row = row_of(all[i]);
+    const double variance = row.dot(out.covariance * row);
+    const double difference = all[i].value - row.dot(out.value);
+    // A second opinion among those kept, that tells the difference from none?
+    double second = 0.0;
+    for (std::size_t k = 0; k < all.size(); ++k) {
+      if (!all[k].accepted) continue;
+      const Information rest =
+          information_of(all, [&](std::size_t j) { return j != k && all[j].accepted; });
+      second = std::max(second, expected_by(rest, all[i]).variance);
+    }
+    if (second < difference * difference / (kGate * kGate)) continue;
+    const double squared = difference * difference / (all[i].sigma * all[i].sigma + variance);
+    if (!(squared > 1.0)) continue;
+    // Of what it measures: the unknowns take part in it as they are known.
+    const Eigen::Vector2d along = out.covariance * row / variance;
+    out.covariance += (squared - 1.0) * variance * along * along.transpose();
+  }
   return out;
 }
 

@@ -122,6 +122,20 @@ bool add_losses(const std::vector<double>& costs, double most, std::vector<doubl
   return true;
 }
 
+/// m, of a vehicle with the middle one of the focal lengths: without it of the nearest that has an
+/// answer, since depths go with them.
+double depth_of(const FocalLengthProfile& profile, const std::vector<double>& changes) {
+  const auto middle = static_cast<std::ptrdiff_t>(changes.size() / 2);
+  for (std::ptrdiff_t off = 0; off <= middle; ++off) {
+    for (const std::ptrdiff_t at : {middle - off, middle + off}) {
+      const auto k = static_cast<std::size_t>(at);
+      if (!std::isfinite(profile.depths[k])) continue;
+      return profile.depths[k] * std::exp(changes[static_cast<std::size_t>(middle)] - changes[k]);
+    }
+  }
+  return kNone;
+}
+
 std::vector<VehicleMeasurement> measured(const std::vector<SeenVehicle>& seen,
                                          const std::vector<int>& numbers,
                                          const std::vector<double>& changes,
@@ -136,7 +150,7 @@ std::vector<VehicleMeasurement> measured(const std::vector<SeenVehicle>& seen,
     for (std::size_t i = 0; i < seen.size(); ++i) {
       const FocalLengthProfile& p = seen[i].profile;
       if (numbers[i] != static_cast<int>(n)) continue;
-      if (!(p.depths[middle] < noise.focal_length_farthest)) continue;
+      if (!(depth_of(p, changes) < noise.focal_length_farthest)) continue;
       if (add_losses(p.costs, noise.focal_length_most, &vehicle.losses)) ++with_losses;
       const double h = p.heights[middle];
       if (!(h > 0.0) || !(p.height_sigmas[middle] > 0.0)) continue;
@@ -194,26 +208,37 @@ std::optional<Minimum> minimum_of(const std::vector<double>& at, const std::vect
   return out;
 }
 
-std::optional<CameraSource> by_proportions(const std::vector<VehicleMeasurement>& vehicles,
-                                           const std::vector<double>& changes,
-                                           const CameraSoFar& so_far, const ScaleNoise& noise) {
+/// Of the loss of all vehicles.
+struct Proportions {
+  int vehicles = 0;
+  Minimum best;  // change of the focal length's logarithm
+};
+
+std::optional<Proportions> proportions_of(const std::vector<VehicleMeasurement>& vehicles,
+                                          const std::vector<double>& changes) {
   std::vector<double> total(changes.size(), 0.0);
-  int count = 0;
+  Proportions out;
   for (const VehicleMeasurement& vehicle : vehicles) {
     if (vehicle.losses.empty()) continue;
-    ++count;
+    ++out.vehicles;
     for (std::size_t k = 0; k < total.size(); ++k) total[k] += vehicle.losses[k];
   }
-  if (count < 2) return std::nullopt;  // one alone may be a van
+  if (out.vehicles < 2) return std::nullopt;  // one alone may be a van
   const auto best = minimum_of(changes, total);
   if (!best || !(best->sigma > 0.0)) return std::nullopt;
+  out.best = *best;
+  return out;
+}
+
+CameraSource source_of(const Proportions& proportions, const CameraSoFar& so_far,
+                       const ScaleNoise& noise) {
   CameraSource out;
   out.name = "vehicle_proportions";
-  out.phrase = fmt::format("proportions of {} vehicles", count);
+  out.phrase = fmt::format("proportions of {} vehicles", proportions.vehicles);
   out.by_focal = 1.0;
-  out.value = so_far.log_focal + best->at;
+  out.value = so_far.log_focal + proportions.best.at;
   out.common = noise.proportions_common;
-  out.sigma = std::hypot(noise.proportions_spread * best->sigma, out.common);
+  out.sigma = std::hypot(noise.proportions_spread * proportions.best.sigma, out.common);
   return out;
 }
 
@@ -247,8 +272,9 @@ WeightedMean weighted_mean(const std::vector<double>& values, const std::vector<
   return out;
 }
 
+/// @param log_focal  with which the heights are measured.
 std::optional<CameraSource> by_sizes(const std::vector<VehicleMeasurement>& vehicles,
-                                     const CameraSoFar& so_far, const ScaleNoise& noise) {
+                                     double log_focal, const ScaleNoise& noise) {
   std::vector<double> heights, sigmas, slopes;
   for (const VehicleMeasurement& vehicle : vehicles) {
     if (!std::isfinite(vehicle.log_height) || !(vehicle.sigma > 0.0)) continue;
@@ -263,7 +289,7 @@ std::optional<CameraSource> by_sizes(const std::vector<VehicleMeasurement>& vehi
   out.phrase = fmt::format("sizes of {} vehicles", heights.size());
   out.by_height = 1.0;
   out.by_focal = -upper_median(&slopes);
-  out.value = mean.value + out.by_focal * so_far.log_focal;
+  out.value = mean.value + out.by_focal * log_focal;
   out.common = noise.compared_population;
   out.sigma = std::hypot(mean.sigma, out.common);
   return out;
@@ -416,27 +442,43 @@ std::vector<CameraSource> vehicle_sources(const Scene& scene, const std::vector<
                                           const KnownSizesOptions& options) {
   options.validate();
   std::vector<SeenVehicle> seen = largest_vehicles(scene, views, so_far, options.most_vehicles);
-  const std::vector<double> changes = tried_changes(so_far.focal_sigma);
-  std::vector<double> factors;
-  for (const double change : changes) factors.push_back(std::exp(change));
   const ScaleNoise noise;
   SupportOptions support;
   // The vehicle's own size says how far it is: the plane only how it stands.
   support.given_sigma_height = noise.free_ground_share * std::exp(so_far.log_height);
   support.given_sigma_tilt = noise.window_road_tilt;
-  parallel_for(seen.size(), options.num_threads, [&](std::size_t i) {
-    VehicleDetection detection = *seen[i].detection;
-    detection.has_plane = true;
-    detection.given_plane = road_in_metres(views[seen[i].view], so_far);
-    seen[i].profile =
-        focal_length_profile(scene.camera, detection,
-                             given_support(scene.camera, detection, support), factors, options.fit);
-  });
-  const std::vector<VehicleMeasurement> vehicles =
-      measured(seen, numbered(seen, views), changes, options.fit.noise.hypotheses);
+  const std::vector<int> numbers = numbered(seen, views);
+  const auto measure = [&](const std::vector<double>& changes) {
+    std::vector<double> factors;
+    for (const double change : changes) factors.push_back(std::exp(change));
+    throw_if_interrupted();
+    parallel_for(seen.size(), options.num_threads, [&](std::size_t i) {
+      VehicleDetection detection = *seen[i].detection;
+      detection.has_plane = true;
+      detection.given_plane = road_in_metres(views[seen[i].view], so_far);
+      seen[i].profile = focal_length_profile(scene.camera, detection,
+                                             given_support(scene.camera, detection, support),
+                                             factors, options.fit);
+    });
+    return measured(seen, numbers, changes, options.fit.noise.hypotheses);
+  };
+  std::vector<double> changes = tried_changes(so_far.focal_sigma);
+  std::vector<VehicleMeasurement> vehicles = measure(changes);
+  std::optional<Proportions> proportions = proportions_of(vehicles, changes);
+  if (proportions && proportions->best.sigma < changes[1] - changes[0]) {
+    // Losses end at a bound: about the minimum they tell more.
+    constexpr double kNarrowest = 0.02;
+    const double step = std::max(kNarrowest, proportions->best.sigma);
+    const double about = proportions->best.at;
+    changes.clear();
+    for (int k = -3; k <= 3; ++k) changes.push_back(about + step * k);
+    vehicles = measure(changes);
+    if (auto finer = proportions_of(vehicles, changes)) proportions = finer;
+  }
   std::vector<CameraSource> out;
-  if (auto source = by_proportions(vehicles, changes, so_far, noise)) out.push_back(*source);
-  if (auto source = by_sizes(vehicles, so_far, noise)) out.push_back(*source);
+  if (proportions) out.push_back(source_of(*proportions, so_far, noise));
+  const double log_focal = so_far.log_focal + changes[changes.size() / 2];
+  if (auto source = by_sizes(vehicles, log_focal, noise)) out.push_back(std::move(*source));
   return out;
 }
 
@@ -459,10 +501,14 @@ std::vector<CameraSource> marking_sources(const Scene& scene, const std::vector<
   std::stable_sort(
       candidates.begin(), candidates.end(),
       [&](const Candidate& a, const Candidate& b) { return unlikely(a) < unlikely(b); });
-  const auto look = [&](const std::vector<Candidate>& at) {
-    return look_for_lines(scene, views, image, so_far, at, options.num_threads);
+  const auto look = [&](const std::vector<RoadView>& in, const std::vector<Candidate>& at) {
+    return look_for_lines(scene, in, image, so_far, at, options.num_threads);
   };
-  const std::vector<BrokenLinesOfDrive> coarse = look(candidates);
+  constexpr std::size_t kFirstViews = 6;
+  const std::size_t first = std::min(kFirstViews, views.size());
+  std::vector<RoadView> some;
+  for (std::size_t k = 0; k < first; ++k) some.push_back(views[k * views.size() / first]);
+  const std::vector<BrokenLinesOfDrive> coarse = look(some, candidates);
   std::size_t best = 0;
   for (std::size_t c = 1; c < coarse.size(); ++c) {
     if (coarse[c].strokes > coarse[best].strokes) best = c;
@@ -473,7 +519,7 @@ std::vector<CameraSource> marking_sources(const Scene& scene, const std::vector<
   // Again with what was found: none of the lines is then at the end of what is looked for.
   Candidate at = candidates[best];
   (so_far.focal_sigma > so_far.height_sigma ? at.focal : at.height) -= about->value;
-  const BrokenLinesOfDrive lines = look({at}).front();
+  const BrokenLinesOfDrive lines = look(views, {at}).front();
   const auto periods = mean_of_views(lines.log_periods, noise.dashes_of_a_view);
   if (!periods) return {};
   std::vector<CameraSource> out(1);
