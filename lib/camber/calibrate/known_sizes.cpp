@@ -188,19 +188,28 @@ std::optional<Minimum> minimum_of(const std::vector<double>& at, const std::vect
   Minimum out;
   out.at = at[least] + 0.5 * step * (rise_low - rise_high) / bend;
   const double bottom = loss[least] - std::pow(rise_low - rise_high, 2) / (8.0 * bend);
-  constexpr double kRise = 2.0;  // two standard deviations
+  // Roots of losses are straight lines about a parabola's minimum.
+  constexpr double kRise = 2.0, kLeastRise = 0.5;  // two and one standard deviation
   std::vector<double> reaches;
   for (const int side : {-1, 1}) {
+    double inner = out.at, inside = 0.0, reach = 0.0;
     for (auto k = static_cast<std::ptrdiff_t>(least) + side;
          k >= 0 && k < static_cast<std::ptrdiff_t>(loss.size()); k += side) {
-      const auto i = static_cast<std::size_t>(k);
-      if (loss[i] - bottom < kRise) continue;
-      const auto inner = static_cast<std::size_t>(k - side);
-      const double inside = std::max(loss[inner] - bottom, 0.0);
-      const double share = (kRise - inside) / (loss[i] - bottom - inside);
-      reaches.push_back(std::abs(at[inner] + share * (at[i] - at[inner]) - out.at));
-      break;
+      const double outer = at[static_cast<std::size_t>(k)];
+      const double rise = loss[static_cast<std::size_t>(k)] - bottom;
+      const double outside = std::sqrt(std::max(0.0, rise));
+      if (rise > kLeastRise) {
+        // Beyond this place, where it does not rise so far yet.
+        const double from = rise < kRise ? out.at : inner;
+        const double root = rise < kRise ? 0.0 : inside;
+        reach =
+            std::abs(from + (std::sqrt(kRise) - root) / (outside - root) * (outer - from) - out.at);
+      }
+      if (rise >= kRise) break;
+      inner = outer;
+      inside = outside;
     }
+    if (reach > 0.0) reaches.push_back(reach);
   }
   if (reaches.empty()) return std::nullopt;
   out.sigma = 0.5 * std::accumulate(reaches.begin(), reaches.end(), 0.0) /
