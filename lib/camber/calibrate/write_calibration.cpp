@@ -135,7 +135,7 @@ std::string calibration_yaml(const DriveCalibration& c, const std::string& sourc
                      c.lens.sigma(0), std::max(c.lens.sigma(1), c.lens.sigma(2)), c.lens.sigma(3));
   out += fmt::format("# the focal length by {}\n", c.focal_decided_by);
   out += "# sources of focal length and height, each with the other as all of them give it\n";
-  for (const CameraSource& source : c.sources) out += source_yaml(source, c.joint);
+  for (const CameraSource& one : c.sources) out += source_yaml(one, c.joint);
   out += angle_yaml("pitch", c.mounting.pitch);
   out += angle_yaml("yaw", c.mounting.yaw);
   out += angle_yaml("roll", c.mounting.roll);
