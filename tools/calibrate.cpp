@@ -15,6 +15,8 @@
 #include "camber/core/made_folder.h"
 #include "camber/core/version.h"
 #include "camber/import/open_scene.h"
+#include "camber/pipeline/find_vehicles.h"
+#include "camber/scene/marking_presets.h"
 #include "camera_arguments.h"
 #include "command.h"
 #include "crs.h"
@@ -29,7 +31,8 @@ namespace camber::tools {
 namespace {
 
 struct Arguments {
-  std::string scene, out, scene_out, frames;
+  std::string scene, out, scene_out, frames, markings;
+  NetworkChoice networks;
   CameraArguments camera;
   TelemetryArguments telemetry;
   double rate = 0.0;
@@ -40,9 +43,13 @@ json result_json(const Command& command, const Arguments& a, const DriveCalibrat
   json out = to_json(c);
   out["version"] = kVersion;
   out["seed"] = command.common.seed;
-  out["options"] = {{"scene", a.scene},
-                    {"frames", a.frames.empty() ? "all" : a.frames},
-                    {"rate", a.rate > 0.0 ? json(a.rate) : json()}};
+  out["options"] = {
+      {"scene", a.scene},
+      {"frames", a.frames.empty() ? "all" : a.frames},
+      {"rate", a.rate > 0.0 ? json(a.rate) : json()},
+      {"markings", a.markings.empty() ? json() : json(a.markings)},
+      {"detector", a.networks.detector.empty() ? json() : json(a.networks.detector)},
+      {"keypoints", a.networks.keypoints.empty() ? json() : json(a.networks.keypoints)}};
   add_telemetry_json(a.telemetry, &out["options"]);
   out["timings_ms"] = json::object();
   for (const auto& [stage, ms] : c.timings.stages()) out["timings_ms"][stage] = ms;
@@ -67,8 +74,8 @@ void print_text(const Arguments& a, const DriveCalibration& c) {
   angle("yaw", c.mounting.yaw);
   angle("roll", c.mounting.roll);
   if (const auto& height = c.mounting.height) {
-    fmt::print("  {:.3f} +- {:.3f} m above the road, by the {} of the frames\n", height->value,
-               height->sigma, c.mounting.height_by_positions ? "positions" : "speeds");
+    fmt::print("  {:.3f} +- {:.3f} m above the road, by {}\n", height->value, height->sigma,
+               c.mounting.height_by);
   }
   for (const std::string& note : c.notes) fmt::print("  {}\n", note);
 }
@@ -117,14 +124,18 @@ int run(const Command& command, const Arguments& a) {
     if (kind_of_input(a.scene) != InputKind::kScene)
       hidden = std::make_unique<MadeFolder>(import_to);
   }
-  const OpenedScene opened = open(command, a, import_to);
+  OpenedScene opened = open(command, a, import_to);
+  if (!a.markings.empty()) opened.scene.markings_m = *marking_preset(a.markings);
   if (!opened.telemetry.empty() && !command.common.quiet) {
     fmt::print(stderr, "camber: {}\n", opened.telemetry);
   }
-  refuse_own_inputs({a.out}, files_of(opened.scene));
+  std::vector<fs::path> inputs = files_of(opened.scene);
+  for (const fs::path& file : files_of(a.networks)) inputs.push_back(file);
+  refuse_own_inputs({a.out}, inputs);
   CalibrateOptions options;
   options.seed = command.common.seed;
   options.num_threads = command.common.threads;
+  options.find_vehicles = vehicle_finder(a.networks, command.common.threads);
   const DriveCalibration result =
       calibrate_drive(opened.scene, select_frames(opened.scene, a.frames), options, {}, progress);
   const std::string yaml = calibration_yaml(result, a.scene);
@@ -147,14 +158,16 @@ void register_calibrate(App& root) {
   Command* command = add_command(
       root, "calibrate",
       "The camera from its own drive: focal length, principal point, radial distortion and "
-      "mounting by the pictures alone, and the height above the road where frames have speeds or "
-      "positions on the map, each with its standard deviation. A calibration that the "
-      "scene has is not used. What is known before is that of vehicles and dash cameras: a "
-      "horizontal field of view of 35 to 130 degrees, square pixels, no skew, the principal point "
-      "near the middle. Turns show the focal length; on a straight drive it stays open, which the "
-      "result states.",
+      "mounting by the pictures alone, and the height above the road by speeds or positions of "
+      "the frames, the sizes of vehicles or broken lines of known sizes, each with its standard "
+      "deviation. A calibration that the scene has is not used. What is known before is that of "
+      "vehicles and dash cameras: a horizontal field of view of 35 to 130 degrees, square pixels, "
+      "no skew, the principal point near the middle. Turns show the focal length; on a straight "
+      "drive the proportions of vehicles do, and, where the height is given or known otherwise, "
+      "speeds and broken lines. The sources are compared before they are joined, and listed.",
       "  camber calibrate drive.mp4 --out camera.yaml\n"
       "  camber calibrate frames/ --out camera.yaml --scene calibrated --height 1.4\n"
+      "  camber calibrate drive.mp4 --markings de-landstrasse --out camera.yaml\n"
       "  camber reconstruct calibrated --out out/result");
   auto arguments = std::make_shared<Arguments>();
   Arguments& a = *arguments;
@@ -173,6 +186,15 @@ void register_calibrate(App& root) {
   add_height_options(app, a.camera);
   app.add_option("--rate", a.rate, "frames a second of images")->check(positive_number());
   add_telemetry_options(app, a.telemetry);
+  app.add_option("--markings", a.markings,
+                 "sizes of the road's broken lines (docs/formats.md); default: those of the scene")
+      ->check(is_member(marking_preset_names()));
+  app.add_option("--detector", a.networks.detector,
+                 "the network that finds vehicles: shipped, an ONNX file, or none; default: the "
+                 "boxes of the scene, else shipped");
+  app.add_option("--keypoints", a.networks.keypoints,
+                 "the network that finds their keypoints: shipped, an ONNX file, or none; default: "
+                 "those of the scene, else shipped");
   add_confine_option(app, a.confine);
   app.add_flag("--overwrite", a.overwrite, "replace a folder of --scene that is not empty");
   app.add_flag("--json", a.json, "print the result as JSON to stdout");

@@ -10,6 +10,7 @@
 #include "camber/core/atomic_file.h"
 #include "camber/core/hash.h"
 #include "camber/drive/drive_scene.h"
+#include "camber/pipeline/find_vehicles.h"
 #include "camber/scene/scene_files.h"
 #include "convert.h"
 #include "networks.h"
@@ -119,6 +120,18 @@ py::dict to_dict(const DriveCalibration& c) {
   out["height"] = known_or_none(c.mounting.height);
   out["frames"] = c.frames;
   out["windows"] = c.windows;
+  out["height_by"] = c.mounting.height_by;
+  py::list sources;
+  for (const CameraSource& source : c.sources) {
+    py::dict entry;
+    entry["name"] = source.name;
+    entry["source"] = source.phrase;
+    entry["accepted"] = source.accepted;
+    entry["sigma"] = source.sigma;
+    entry["residual_sigma"] = source.residual_sigma;
+    sources.append(std::move(entry));
+  }
+  out["sources"] = std::move(sources);
   out["notes"] = c.notes;
   return out;
 }
@@ -132,6 +145,7 @@ void bind_calibrate(py::module_& module) {
         CalibrateOptions options;
         options.seed = seed;
         options.num_threads = threads;
+        options.find_vehicles = vehicle_finder({}, threads, scene.source());
         options.validate();
         const Progress report = to_progress(progress);
         const DriveCalibration found = compute([&] {

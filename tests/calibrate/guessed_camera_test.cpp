@@ -114,5 +114,40 @@ TEST(GuessedCamera, AContradictionWidensAndIsNamed) {
   EXPECT_TRUE(right.notes.empty() || right.notes.front().find("another") == std::string::npos);
 }
 
+/// On a straight road no track shows the focal length; how far the drive goes does, over how high a
+/// camera on a car may be.
+TEST(GuessedCamera, SpeedsAndTheUsualHeightBoundIt) {
+  test::SimulatedDriveOptions options;
+  options.lens = {640, 360, 420.0, 319.5, 179.5, 0.0, 0.0};
+  options.key_frames = 57;
+  options.shake = 0.0;
+  options.points = 2500;
+  options.height = 1.5;
+  TrackedDrive drive;
+  drive.width = 640;
+  drive.height = 360;
+  drive.tracks = test::simulate_drive(options).tracks;
+  for (int k = 0; k < options.key_frames; ++k) drive.key_ids.push_back(k);
+  CalibrateOptions calibrate;
+  calibrate.num_threads = 2;
+  const DriveCalibration alone = calibrate_tracks(drive, calibrate);
+  ASSERT_EQ(alone.sources.size(), 2U);
+  EXPECT_EQ(alone.sources[0].name, "epipolar_geometry");
+  EXPECT_EQ(alone.sources[1].name, "height_of_cars");
+  EXPECT_FALSE(alone.mounting.height);
+  EXPECT_FALSE(height_by(alone, "speeds"));
+  drive.metres = MetresAlong{std::vector<double>(56, options.step), 0.01, false};
+  const DriveCalibration moved = calibrate_tracks(drive, calibrate);
+  ASSERT_EQ(moved.sources.size(), 3U);
+  EXPECT_EQ(moved.sources[1].name, "speeds");
+  EXPECT_TRUE(moved.sources[1].accepted);
+  EXPECT_LT(moved.lens.sigma(0), 0.9 * alone.lens.sigma(0));
+  EXPECT_LT(std::abs(std::log(moved.lens.lens.f / 420.0)), 3.0 * moved.lens.sigma(0));
+  EXPECT_THAT(moved.focal_decided_by, HasSubstr("the speeds of the frames"));
+  const auto height = height_by(moved, "speeds");
+  ASSERT_TRUE(height);
+  EXPECT_LT(std::abs(height->value - options.height), 3.0 * height->sigma);
+}
+
 }  // namespace
 }  // namespace camber

@@ -98,6 +98,37 @@ TEST_F(Calibrate, ACameraThatStandsHasNoAnswer) {
   EXPECT_EQ(files(), 1U);
 }
 
+/// A made drive with boxes and keypoints: what its vehicles and its height say agrees with its
+/// turns.
+TEST_F(Calibrate, VehiclesAreSources) {
+  const auto made = run_camber({"synth", "--drive", "--seed", "5", "--frames", "60", "--size",
+                                "768x240", "--supersampling", "1", "--out", at("drive"), "--json"});
+  ASSERT_EQ(made.exit_code, 0) << made.error;
+  const double log_height = std::log(json::parse(made.out).at("true_height").get<double>());
+  const double log_focal = std::log(read_scene(at("drive")).camera.fx);
+  const auto result = run_camber({"calibrate", at("drive"), "--out", at("camera.yaml"), "--json"});
+  ASSERT_EQ(result.exit_code, 0) << result.error;
+  const json found = json::parse(result.out);
+  std::vector<std::string> names;
+  for (const json& source : found.at("sources")) {
+    names.push_back(source.at("name"));
+    const double truth = source.at("by_log_focal").get<double>() * log_focal +
+                         source.at("by_log_height").get<double>() * log_height;
+    if (!source.at("accepted")) continue;
+    EXPECT_NEAR(source.at("value"), truth, 3.0 * source.at("sigma").get<double>()) << names.back();
+    EXPECT_LE(source.at("common_sigma"), source.at("sigma")) << names.back();
+  }
+  EXPECT_THAT(names, ::testing::IsSupersetOf(
+                         {"epipolar_geometry", "given_height", "vehicle_sizes", "height_of_cars"}));
+  const json& focal = found.at("camera").at("focal");
+  EXPECT_NEAR(std::log(focal.at("value").get<double>()), log_focal,
+              3.0 * focal.at("relative_sigma").get<double>());
+  EXPECT_THAT(test::read_text(at("camera.yaml")), HasSubstr("#   sizes of "));
+  EXPECT_EQ(
+      run_camber({"calibrate", at("drive"), "--out", at("c.yaml"), "--markings", "none"}).exit_code,
+      2);
+}
+
 TEST_F(Calibrate, RefusesBadInput) {
   EXPECT_EQ(run_camber({"calibrate", at("nothing"), "--out", at("a.yaml")}).exit_code, 2);
   EXPECT_EQ(run_camber({"calibrate", film()}).exit_code, 2);

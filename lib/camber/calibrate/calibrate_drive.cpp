@@ -5,16 +5,22 @@
 #include <algorithm>
 #include <cmath>
 #include <stdexcept>
+#include <utility>
 
+#include "camber/calibrate/write_calibration.h"
 #include "camber/core/errors.h"
 #include "camber/core/interruption.h"
 #include "camber/core/median.h"
 #include "camber/core/threads.h"
+#include "camber/image/undistortion.h"
 #include "camber/image/video.h"
 #include "camber/import/import_own.h"
 
 namespace camber {
 namespace {
+
+constexpr double kDegrees = 57.29577951308232;
+constexpr const char* kGivenHeight = "given_height";
 
 struct WindowPlace {
   std::size_t first = 0, count = 0;
@@ -175,41 +181,252 @@ void compare_with_prior(double floor, DriveCalibration* out) {
                   wider));
 }
 
-/// The height that the scene states against the one by its speeds or positions.
-void compare_heights(const Scene& scene, DriveCalibration* out) {
-  const auto& seen = out->mounting.height;
-  if (!seen || !scene.height_above_road) return;
-  const double off = *scene.height_above_road - seen->value;
-  const double sigma = std::hypot(scene.height_sigma, seen->sigma);
-  constexpr double kChance = 6.63;  // chi-square of one freedom, 1 %
-  if (off * off < kChance * sigma * sigma) return;
-  out->notes.push_back(fmt::format(
-      "the scene's height, {:.2f} +- {:.2f} m, and the one by its {} contradict each other, "
-      "{:.1f} standard deviations",
-      *scene.height_above_road, scene.height_sigma,
-      out->mounting.height_by_positions ? "positions" : "speeds", std::abs(off) / sigma));
+/// What the windows and their prior know of the focal length.
+CameraSource epipolar_source(const DriveCalibration& c, bool given_prior) {
+  CameraSource out;
+  out.name = "epipolar_geometry";
+  out.by_focal = 1.0;
+  out.value = std::log(c.lens.lens.f);
+  out.sigma = c.lens.sigma(0);
+  if (out.sigma > 0.7 * c.prior.sigma(0)) {
+    out.phrase = given_prior ? "what was given of it" : "the prior for cars and dash cameras";
+  } else {
+    out.phrase =
+        fmt::format("epipolar geometry of {} windows, which turn by {:.0f} degrees together",
+                    c.windows, c.turn * kDegrees);
+  }
+  return out;
 }
 
-void describe(bool given_prior, DriveCalibration* out) {
-  const double known = out->lens.sigma(0), prior = out->prior.sigma(0);
-  const double turn_deg = out->turn * 57.29577951308232;
-  if (known > 0.7 * prior) {
-    out->focal_decided_by =
-        given_prior ? "what was given of it" : "the prior for cars and dash cameras";
-  } else {
-    out->focal_decided_by =
-        fmt::format("epipolar geometry of {} windows, which turn by {:.0f} degrees together",
-                    out->windows, turn_deg);
+/// A wrong focal length stretches the path of the windows, not the height: their quotient, and the
+/// product of both.
+std::optional<CameraSource> metres_source(const std::vector<WindowBundle>& windows,
+                                          const MetresAlong& metres, double log_focal) {
+  const auto height = estimate_height(windows, metres, 0.0);
+  if (!height || !(height->value > 0.0)) return std::nullopt;
+  CameraSource out;
+  out.name = metres.by_positions ? "positions" : "speeds";
+  out.phrase = fmt::format("the {} of the frames", out.name);
+  out.by_focal = out.by_height = 1.0;
+  out.value = log_focal + std::log(height->value);
+  out.sigma = height->sigma / height->value;
+  out.common = metres.sigma;
+  return out;
+}
+
+std::optional<CameraSource> given_height_source(const Scene& scene) {
+  if (!scene.height_above_road || !(*scene.height_above_road > 0.0)) return std::nullopt;
+  CameraSource out;
+  out.name = kGivenHeight;
+  out.phrase = fmt::format("the height that is given, {:.2f} m", *scene.height_above_road);
+  out.by_height = 1.0;
+  out.value = std::log(*scene.height_above_road);
+  out.sigma = out.common = scene.height_sigma / *scene.height_above_road;
+  return out;
+}
+
+/// The lens with another focal length, the other parameters as they go with it.
+void put_focal_length(const CameraJoint& joint, LensEstimate* lens) {
+  DriveLens::Matrix& covariance = lens->covariance;
+  const double before = covariance(0, 0);
+  const DriveLens::Vector gain = covariance.col(0) / before;
+  const double moved = joint.value(0) - std::log(lens->lens.f);
+  lens->lens = lens->lens.with(lens->lens.parameters() + moved * gain);
+  covariance += (joint.covariance(0, 0) - before) * gain * gain.transpose();
+}
+
+/// Sources that bring at least a tenth of what is known, those that bring most first.
+/// @param unknown  0: the focal length, 1: the height.
+std::vector<const CameraSource*> deciding_sources(const std::vector<CameraSource>& sources,
+                                                  int unknown) {
+  constexpr double kLeast = 0.1;
+  std::vector<std::pair<double, const CameraSource*>> shares;
+  for (std::size_t i = 0; i < sources.size(); ++i) {
+    shares.emplace_back(share_of_source(sources, i, unknown), &sources[i]);
+  }
+  std::stable_sort(shares.begin(), shares.end(),
+                   [](const auto& a, const auto& b) { return a.first > b.first; });
+  std::vector<const CameraSource*> out;
+  for (const auto& [share, source] : shares) {
+    if (out.empty() || share > kLeast) out.push_back(source);
+  }
+  return out;
+}
+
+/// The height, where something in the drive measures it.
+void put_height(DriveCalibration* out) {
+  constexpr double kLeastKnown = 0.15;  // relative: of cars three quarters of that are known before
+  out->mounting.height.reset();
+  out->mounting.height_by.clear();
+  if (out->joint.height_sigma() > kLeastKnown) return;
+  std::string names;
+  for (const CameraSource* source : deciding_sources(out->sources, 1)) {
+    const bool measured = source->by_height != 0.0 && source->name != kGivenHeight &&
+                          source->name != height_of_cars().name;
+    if (measured) names += (names.empty() ? "" : ", ") + source->name;
+  }
+  if (names.empty()) return;
+  const double height = std::exp(out->joint.value(1));
+  out->mounting.height =
+      MountingNumber{height, height * out->joint.height_sigma(), static_cast<int>(out->windows)};
+  out->mounting.height_by = std::move(names);
+}
+
+void describe(DriveCalibration* out) {
+  const double known = out->lens.sigma(0);
+  out->focal_decided_by.clear();
+  for (const CameraSource* source : deciding_sources(out->sources, 0)) {
+    out->focal_decided_by += (out->focal_decided_by.empty() ? "" : " and ") + source->phrase;
+  }
+  for (const CameraSource& source : out->sources) {
+    if (source.accepted) continue;
+    out->notes.push_back(fmt::format("{}: left out, {}", source.phrase, source.reason));
   }
   if (known > 0.05) {
     out->notes.push_back(fmt::format(
         "the drive hardly turns ({:.0f} degrees over {} windows): the focal length stays at +- "
         "{:.0f} %",
-        turn_deg, out->windows, 100.0 * known));
+        out->turn * kDegrees, out->windows, 100.0 * known));
   }
   if (out->lens.sigma(3) > 0.7 * out->prior.sigma(3)) {
     out->notes.emplace_back("the lens's distortion is not seen: k1 is the prior's");
   }
+}
+
+/// What the tracks show, before it is joined with anything else.
+struct Estimated {
+  DriveCalibration calibration;
+  std::vector<WindowPlace> places;
+  std::vector<WindowBundle> windows;
+};
+
+Estimated estimate_by_tracks(const TrackedDrive& drive, const CalibrateOptions& options,
+                             const Progress& progress) {
+  Estimated result;
+  DriveCalibration& out = result.calibration;
+  const LensPrior cars = lens_prior_of_cars(drive.width, drive.height);
+  out.prior = options.prior.value_or(cars);
+  out.key_frames = drive.key_ids.size();
+  result.places =
+      chosen_places(places_of(drive, options), static_cast<std::size_t>(options.most_windows));
+  if (result.places.empty()) {
+    throw NoAnswerError(fmt::format(
+        "{} key frames moved against each other, expected at least 3 that show the same things: "
+        "the camera stands, or there is nothing to track",
+        out.key_frames));
+  }
+  const auto coarse = coarse_lens(drive, result.places, out.prior, options);
+  const char* const kNoMotion = "no motion of a camera explains what the key frames show";
+  if (!coarse) throw NoAnswerError(kNoMotion);
+  DriveLens lens = *coarse;
+  std::vector<WindowBundle>& windows = result.windows;
+  constexpr int kRounds = 3;
+  constexpr double kSettled = 0.005;  // of the focal length's logarithm
+  for (int round = 0; round < kRounds; ++round) {
+    throw_if_interrupted();
+    if (progress) progress("lens", 0.8 + 0.04 * round);
+    std::vector<WindowBundle> started = start_windows(lens, drive, result.places, options);
+    if (started.empty()) break;
+    windows = std::move(started);
+    out.lens = estimate_lens(lens, out.prior, options.lens, &windows);
+    const double change = std::abs(std::log(out.lens.lens.f / lens.f));
+    lens = out.lens.lens;
+    if (change < kSettled) break;
+  }
+  if (windows.empty()) throw NoAnswerError(kNoMotion);
+  constexpr double kMostContradiction = 11.0;
+  if (prior_error(cars, out.lens.lens).squaredNorm() > kMostContradiction) {
+    throw NoAnswerError(fmt::format(
+        "what {} windows show fits no camera of a car: a focal length of {:.0f} px, the "
+        "principal point at {:.0f}, {:.0f} px",
+        windows.size(), lens.f, lens.cx, lens.cy));
+  }
+  out.windows = windows.size();
+  if (options.prior) compare_with_prior(options.lens.focal_floor, &out);
+  for (const WindowBundle& window : windows) out.turn += turn_of(window.window());
+  return result;
+}
+
+/// The sources that need no image but the tracks.
+std::vector<CameraSource> sources_of_tracks(const TrackedDrive& drive, const Estimated& estimated,
+                                            bool given_prior) {
+  const DriveCalibration& c = estimated.calibration;
+  std::vector<CameraSource> out = {epipolar_source(c, given_prior)};
+  if (drive.metres) {
+    const double log_focal = std::log(c.lens.lens.f);
+    if (auto metres = metres_source(estimated.windows, *drive.metres, log_focal)) {
+      out.push_back(std::move(*metres));
+    }
+  }
+  return out;
+}
+
+/// Joins the sources, and what follows from the camera that they give.
+DriveCalibration joined(const TrackedDrive& drive, const CalibrateOptions& options,
+                        std::vector<CameraSource> sources, Estimated estimated) {
+  DriveCalibration& out = estimated.calibration;
+  sources.push_back(height_of_cars());
+  out.sources = std::move(sources);
+  out.joint = join_sources(&out.sources);
+  const double before = std::log(out.lens.lens.f);
+  put_focal_length(out.joint, &out.lens);
+  constexpr double kMoved = 0.01;  // from which on the windows are another shape
+  if (std::abs(std::log(out.lens.lens.f) - before) > kMoved) {
+    std::vector<WindowBundle> again =
+        start_windows(out.lens.lens, drive, estimated.places, options);
+    if (!again.empty()) {
+      constexpr double kHeld = 1e-3;
+      const LensPrior held{out.lens.lens, kHeld * out.prior.sigma};
+      estimate_lens(out.lens.lens, held, options.lens, &again);
+      estimated.windows = std::move(again);
+    }
+  }
+  out.mounting = estimate_mounting(estimated.windows, out.lens.lens, out.lens.covariance);
+  put_height(&out);
+  describe(&out);
+  return std::move(out);
+}
+
+CalibrateOptions handed_down(const CalibrateOptions& given) {
+  CalibrateOptions out = given;
+  out.start.seed = given.seed;
+  out.lens.num_threads = out.sizes.num_threads = given.num_threads;
+  return out;
+}
+
+/// What has known sizes in the frames that see the road.
+std::vector<CameraSource> sources_of_sizes(const Scene& scene, const TrackedDrive& drive,
+                                           const CalibrateOptions& options,
+                                           const Estimated& estimated,
+                                           const std::vector<CameraSource>& known,
+                                           const FramePixelSource& pixels) {
+  std::vector<CameraSource> so_far = known;
+  so_far.push_back(height_of_cars());
+  const CameraJoint joint = join_sources(&so_far);
+  if (!(joint.focal_sigma() > options.sizes_from)) return {};
+  const std::vector<RoadView> views =
+      road_views(estimated.windows, drive.key_ids, options.sizes.most_views);
+  if (views.empty()) return {};
+  Scene calibrated = calibrated_scene(scene, estimated.calibration);
+  const double log_focal = std::log(estimated.calibration.lens.lens.f);
+  const CameraSoFar camera{log_focal, joint.focal_sigma(), joint.value(1), joint.height_sigma()};
+  std::vector<int> ids;
+  for (const RoadView& view : views) ids.push_back(view.frame_id);
+  if (options.find_vehicles) options.find_vehicles(ids, &calibrated);
+  KnownSizesOptions sizes = options.sizes;
+  if (calibrated.box_sigma_px) sizes.fit.noise.box.pixel_sigma = *calibrated.box_sigma_px;
+  std::vector<CameraSource> out = vehicle_sources(calibrated, views, camera, sizes);
+  const Undistortion lens(calibrated.camera, calibrated.distortion);
+  FrameImageReader reader;
+  const auto image = [&](const RoadView& view) {
+    Image held = pixels ? pixels(view.frame_id).image : Image();
+    return held.empty() ? reader.read(calibrated.find_frame(view.frame_id)->image, lens)
+                        : make_frame_image(std::move(held), lens, view.frame_id);
+  };
+  for (CameraSource& source : marking_sources(calibrated, views, image, camera, sizes)) {
+    out.push_back(std::move(source));
+  }
+  return out;
 }
 
 }  // namespace
@@ -225,6 +442,8 @@ void CalibrateOptions::validate() const {
   check(start.least_points >= 8, "start.least_points");
   check(lens.correlation >= 1.0, "lens.correlation");
   check(lens.trim > 0.0, "lens.trim");
+  check(sizes_from >= 0.0, "sizes_from");
+  sizes.validate();
 }
 
 TrackedDrive track_drive(const Scene& scene, const std::vector<int>& ids,
@@ -259,77 +478,57 @@ TrackedDrive track_drive(const Scene& scene, const std::vector<int>& ids,
   return out;
 }
 
+std::optional<MountingNumber> height_by(const DriveCalibration& c, const std::string& name) {
+  for (const CameraSource& source : c.sources) {
+    if (source.name != name || !source.accepted || source.by_height == 0.0) continue;
+    const double height =
+        std::exp((source.value - source.by_focal * c.joint.value(0)) / source.by_height);
+    const double sigma = std::hypot(source.sigma, source.by_focal * c.joint.focal_sigma());
+    return MountingNumber{height, height * sigma / std::abs(source.by_height),
+                          static_cast<int>(c.windows)};
+  }
+  return std::nullopt;
+}
+
 DriveCalibration calibrate_tracks(const TrackedDrive& drive, const CalibrateOptions& given,
                                   const Progress& progress) {
   given.validate();
-  CalibrateOptions options = given;
-  options.start.seed = given.seed;
-  options.lens.num_threads = given.num_threads;
-  DriveCalibration out;
-  const LensPrior cars = lens_prior_of_cars(drive.width, drive.height);
-  out.prior = options.prior.value_or(cars);
-  out.key_frames = drive.key_ids.size();
-  const std::vector<WindowPlace> places =
-      chosen_places(places_of(drive, options), static_cast<std::size_t>(options.most_windows));
-  if (places.empty()) {
-    throw NoAnswerError(fmt::format(
-        "{} key frames moved against each other, expected at least 3 that show the same things: "
-        "the camera stands, or there is nothing to track",
-        out.key_frames));
-  }
-  StageTimer timer(out.timings, "motion");
-  const auto coarse = coarse_lens(drive, places, out.prior, options);
-  const char* const kNoMotion = "no motion of a camera explains what the key frames show";
-  if (!coarse) throw NoAnswerError(kNoMotion);
-  DriveLens lens = *coarse;
-  std::vector<WindowBundle> windows;
-  constexpr int kRounds = 3;
-  constexpr double kSettled = 0.005;  // of the focal length's logarithm
-  for (int round = 0; round < kRounds; ++round) {
-    throw_if_interrupted();
-    if (progress) progress("lens", 0.8 + 0.06 * round);
-    std::vector<WindowBundle> started = start_windows(lens, drive, places, options);
-    if (started.empty()) break;
-    windows = std::move(started);
-    out.lens = estimate_lens(lens, out.prior, options.lens, &windows);
-    const double change = std::abs(std::log(out.lens.lens.f / lens.f));
-    lens = out.lens.lens;
-    if (change < kSettled) break;
-  }
-  if (windows.empty()) throw NoAnswerError(kNoMotion);
-  constexpr double kMostContradiction = 11.0;
-  if (prior_error(cars, out.lens.lens).squaredNorm() > kMostContradiction) {
-    throw NoAnswerError(fmt::format(
-        "what {} windows show fits no camera of a car: a focal length of {:.0f} px, the "
-        "principal point at {:.0f}, {:.0f} px",
-        windows.size(), lens.f, lens.cx, lens.cy));
-  }
-  out.windows = windows.size();
-  if (options.prior) compare_with_prior(options.lens.focal_floor, &out);
-  for (const WindowBundle& window : windows) out.turn += turn_of(window.window());
-  out.mounting = estimate_mounting(windows, out.lens.lens, out.lens.covariance);
-  if (drive.metres) {
-    out.mounting.height = estimate_height(windows, *drive.metres, out.lens.sigma(0));
-    out.mounting.height_by_positions = out.mounting.height && drive.metres->by_positions;
-  }
-  describe(options.prior.has_value(), &out);
+  const CalibrateOptions options = handed_down(given);
+  Timings timings;
+  StageTimer timer(timings, "motion");
+  Estimated estimated = estimate_by_tracks(drive, options, progress);
+  std::vector<CameraSource> sources =
+      sources_of_tracks(drive, estimated, options.prior.has_value());
+  DriveCalibration out = joined(drive, options, std::move(sources), std::move(estimated));
   timer.stop();
+  out.timings = std::move(timings);
   return out;
 }
 
 DriveCalibration calibrate_drive(const Scene& scene, const std::vector<int>& frame_ids,
-                                 const CalibrateOptions& options, const FramePixelSource& pixels,
+                                 const CalibrateOptions& given, const FramePixelSource& pixels,
                                  const Progress& progress) {
-  options.validate();
+  given.validate();
+  const CalibrateOptions options = handed_down(given);
   Timings timings;
   StageTimer tracking(timings, "correspondences");
   const TrackedDrive drive = track_drive(scene, frame_ids, options, pixels, progress);
   tracking.stop();
   if (progress) progress("lens", 0.7);
-  DriveCalibration out = calibrate_tracks(drive, options, progress);
-  compare_heights(scene, &out);
+  StageTimer motion(timings, "motion");
+  Estimated estimated = estimate_by_tracks(drive, options, progress);
+  motion.stop();
+  if (progress) progress("known sizes", 0.92);
+  StageTimer scale(timings, "scale");
+  std::vector<CameraSource> sources =
+      sources_of_tracks(drive, estimated, options.prior.has_value());
+  if (auto height = given_height_source(scene)) sources.push_back(std::move(*height));
+  for (CameraSource& source : sources_of_sizes(scene, drive, options, estimated, sources, pixels)) {
+    sources.push_back(std::move(source));
+  }
+  DriveCalibration out = joined(drive, options, std::move(sources), std::move(estimated));
+  scale.stop();
   out.frames = frame_ids.size();
-  for (const auto& [stage, ms] : out.timings.stages()) timings.add(stage, ms);
   out.timings = std::move(timings);
   return out;
 }

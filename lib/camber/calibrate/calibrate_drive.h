@@ -1,11 +1,14 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
 
+#include "camber/calibrate/camera_sources.h"
 #include "camber/calibrate/feature_tracks.h"
+#include "camber/calibrate/known_sizes.h"
 #include "camber/calibrate/lens_estimate.h"
 #include "camber/calibrate/mounting.h"
 #include "camber/calibrate/window_start.h"
@@ -15,6 +18,9 @@
 #include "camber/scene/scene.h"
 
 namespace camber {
+
+/// Puts the boxes and keypoints of vehicles into some frames of a scene, of its camera.
+using VehicleFinder = std::function<void(const std::vector<int>& frame_ids, Scene* scene)>;
 
 struct CalibrateOptions {
   FeatureTrackOptions tracks;
@@ -29,6 +35,10 @@ struct CalibrateOptions {
   /// What is known before; none: lens_prior_of_cars(). The drive is joined with it once, in one
   /// estimate, which is widened where the two contradict each other.
   std::optional<LensPrior> prior;
+  KnownSizesOptions sizes;
+  VehicleFinder find_vehicles;  ///< empty: vehicles are those of the scene that have keypoints
+  /// Relative sigma of the focal length beyond which what has known sizes is looked at.
+  double sizes_from = 0.0;
   bool skip_unreadable = false;  ///< frames whose image cannot be read; false: InputError
   void validate() const;         ///< throws std::invalid_argument
 };
@@ -41,6 +51,8 @@ struct DriveCalibration {
   std::size_t frames = 0, key_frames = 0, windows = 0;
   double turn = 0.0;  ///< rad, of all windows together
   std::string focal_decided_by;
+  std::vector<CameraSource> sources;  ///< of focal length and height, as they were joined
+  CameraJoint joint;
   /// Squared standard deviations between the focal length of the drive and that of
   /// CalibrateOptions::prior; 0 without one.
   double focal_surprise = 0.0;
@@ -64,12 +76,19 @@ TrackedDrive track_drive(const Scene& scene, const std::vector<int>& frame_ids,
                          const CalibrateOptions& options, const FramePixelSource& pixels = {},
                          const Progress& progress = {});
 
-/// The lens and the mounting of a camera by the tracks of its drive alone.
+/// What one source of the joint says of the height, the focal length being the joint's.
+/// @return nothing where there is none of that name that was accepted.
+std::optional<MountingNumber> height_by(const DriveCalibration& calibration,
+                                        const std::string& source);
+
+/// The lens and the mounting of a camera by the tracks of its drive, with what the tracks have of
+/// metres.
 /// @throws NoAnswerError where the camera stands or nothing can be tracked.
 DriveCalibration calibrate_tracks(const TrackedDrive& drive, const CalibrateOptions& options,
                                   const Progress& progress = {});
 
-/// Both. No calibration of the scene is used.
+/// Both, joined with what has known sizes (vehicles, the scene's markings) and the height that the
+/// scene states. No calibration of the scene is used.
 DriveCalibration calibrate_drive(const Scene& scene, const std::vector<int>& frame_ids,
                                  const CalibrateOptions& options,
                                  const FramePixelSource& pixels = {},

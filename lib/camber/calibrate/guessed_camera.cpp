@@ -14,6 +14,8 @@ namespace {
 
 constexpr double kDegrees = 57.29577951308232;
 constexpr std::size_t kLeastWindows = 3;
+/// Relative: a focal length that turns show so well gains nothing by what has known sizes.
+constexpr double kLeaveSizes = 0.03;
 /// Key frames of as many windows of three, of which each begins with the last of the one before.
 constexpr std::size_t kLeastFrames = 2 * kLeastWindows + 1;
 
@@ -73,6 +75,7 @@ CameraByDrive calibrate_guessed(const Scene& scene, const std::vector<int>& fram
   CalibrateOptions options = given;
   options.prior = lens_prior_of(scene);
   options.skip_unreadable = true;
+  options.sizes_from = kLeaveSizes;
   if (frame_ids.size() < kLeastFrames) {
     out.text = stays(*options.prior, fmt::format("{} frames are too few to show it, at least {} do",
                                                  frame_ids.size(), kLeastFrames));

@@ -30,7 +30,7 @@ struct CameraByDrive {
 /// three windows, whose spread shows how well they know the camera, where the focal length would
 /// not be clearly better known, and where no image can be read.
 /// @param frame_ids  ascending ids of the scene.
-/// @param options    `prior` and `skip_unreadable` are its own.
+/// @param options    `prior`, `skip_unreadable` and `sizes_from` are its own.
 CameraByDrive calibrate_guessed(const Scene& scene, const std::vector<int>& frame_ids,
                                 const CalibrateOptions& options,
                                 const FramePixelSource& pixels = {}, const Progress& progress = {});

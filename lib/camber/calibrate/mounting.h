@@ -21,7 +21,9 @@ struct MountingNumber {
 struct Mounting {
   std::optional<MountingNumber> pitch, yaw, roll;
   std::optional<MountingNumber> height;  ///< m, above the road; by what is known of metres
-  bool height_by_positions = false;      ///< on the map; else by the frames' speeds
+  /// Names of the sources of the height (CameraSource), those that bring most first; commas
+  /// between.
+  std::string height_by;
 };
 
 /// The road under one window by its points: inverse depth is affine in the ray over a plane,

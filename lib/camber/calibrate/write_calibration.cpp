@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 #include <nlohmann/json.hpp>
 
@@ -25,8 +26,65 @@ std::string angle_yaml(const char* name, const std::optional<MountingNumber>& an
                      kDegrees * angle->sigma);
 }
 
+/// A source with what it says of the focal length and the height, each with the other's joint
+/// value.
+struct ReadSource {
+  std::optional<MountingNumber> focal, height;  // px, m
+};
+
+ReadSource read_source(const CameraSource& source, const CameraJoint& joint) {
+  const auto number = [&](double by, double by_other, double other) {
+    const double value = std::exp((source.value - by_other * other) / by);
+    return MountingNumber{value, value * source.sigma / std::abs(by), 0};
+  };
+  constexpr double kLeast = 0.05;  // a source that hardly depends on one says nothing of it
+  ReadSource out;
+  if (std::abs(source.by_focal) > kLeast && std::abs(source.by_focal) >= source.by_height) {
+    out.focal = number(source.by_focal, source.by_height, joint.value(1));
+  }
+  if (std::abs(source.by_height) > kLeast) {
+    out.height = number(source.by_height, source.by_focal, joint.value(0));
+  }
+  return out;
+}
+
+std::string source_yaml(const CameraSource& source, const CameraJoint& joint) {
+  const ReadSource read = read_source(source, joint);
+  std::string out = fmt::format("#   {}:", source.phrase);
+  if (read.focal) out += fmt::format(" {:.1f} +- {:.1f} px", read.focal->value, read.focal->sigma);
+  if (read.focal && read.height) out += ", or";
+  if (read.height) {
+    out += fmt::format(" {:.3f} +- {:.3f} m", read.height->value, read.height->sigma);
+  }
+  return out + (source.accepted ? "" : "; left out, " + source.reason) + "\n";
+}
+
 nlohmann::json number_json(double value, double sigma) {
   return {{"value", value}, {"sigma", sigma}};
+}
+
+nlohmann::json optional_json(const std::optional<MountingNumber>& number) {
+  if (!number) return nullptr;
+  return number_json(number->value, number->sigma);
+}
+
+nlohmann::json source_json(const CameraSource& source, const CameraJoint& joint) {
+  const ReadSource read = read_source(source, joint);
+  nlohmann::json out = {
+      {"name", source.name},
+      {"source", source.phrase},
+      {"by_log_focal", source.by_focal},
+      {"by_log_height", source.by_height},
+      {"value", source.value},
+      {"sigma", source.sigma},
+      {"common_sigma", source.common},
+      {"focal", optional_json(read.focal)},
+      {"height_m", optional_json(read.height)},
+      {"residual_sigma",
+       std::isfinite(source.residual_sigma) ? nlohmann::json(source.residual_sigma) : nullptr},
+      {"accepted", source.accepted}};
+  if (!source.accepted) out["reason"] = source.reason;
+  return out;
 }
 
 nlohmann::json angle_json(const std::optional<MountingNumber>& angle) {
@@ -76,14 +134,14 @@ std::string calibration_yaml(const DriveCalibration& c, const std::string& sourc
   out += fmt::format("focal_sigma: {:.6f}\nprincipal_sigma: {:.4f}\ndistortion_sigma: {:.6f}\n",
                      c.lens.sigma(0), std::max(c.lens.sigma(1), c.lens.sigma(2)), c.lens.sigma(3));
   out += fmt::format("# the focal length by {}\n", c.focal_decided_by);
+  out += "# sources of focal length and height, each with the other as all of them give it\n";
+  for (const CameraSource& one : c.sources) out += source_yaml(one, c.joint);
   out += angle_yaml("pitch", c.mounting.pitch);
   out += angle_yaml("yaw", c.mounting.yaw);
   out += angle_yaml("roll", c.mounting.roll);
   if (const auto& height = c.mounting.height) {
-    out += fmt::format(
-        "# above the road, by the {} of the frames\nheight_m: {:.4f}\n"
-        "height_m_sigma: {:.4f}\n",
-        c.mounting.height_by_positions ? "positions" : "speeds", height->value, height->sigma);
+    out += fmt::format("# above the road, by {}\nheight_m: {:.4f}\nheight_m_sigma: {:.4f}\n",
+                       c.mounting.height_by, height->value, height->sigma);
   }
   for (const std::string& note : c.notes) out += fmt::format("# {}\n", note);
   return out;
@@ -95,6 +153,8 @@ nlohmann::json to_json(const DriveCalibration& c) {
   const auto& height = c.mounting.height;
   focal["relative_sigma"] = c.lens.sigma(0);
   focal["decided_by"] = c.focal_decided_by;
+  nlohmann::json sources = nlohmann::json::array();
+  for (const CameraSource& source : c.sources) sources.push_back(source_json(source, c.joint));
   return {{"frames", c.frames},
           {"key_frames", c.key_frames},
           {"windows", c.windows},
@@ -115,9 +175,8 @@ nlohmann::json to_json(const DriveCalibration& c) {
             {"yaw_deg", angle_json(c.mounting.yaw)},
             {"roll_deg", angle_json(c.mounting.roll)},
             {"height_m", height ? number_json(height->value, height->sigma) : nullptr},
-            {"height_by", !height                          ? nlohmann::json()
-                          : c.mounting.height_by_positions ? nlohmann::json("positions")
-                                                           : nlohmann::json("speeds")}}},
+            {"height_by", height ? nlohmann::json(c.mounting.height_by) : nullptr}}},
+          {"sources", std::move(sources)},
           {"prior",
            {{"focal", c.prior.mean.f},
             {"focal_sigma", c.prior.sigma(0)},

@@ -20,6 +20,7 @@
 #include "camber/drive/window_log.h"
 #include "camber/drive/write_drive.h"
 #include "camber/image/video.h"
+#include "camber/pipeline/find_vehicles.h"
 #include "camber/render/film.h"
 #include "camber/scene/json_reader.h"
 #include "camber/scene/results.h"
@@ -94,6 +95,8 @@ std::optional<CameraByDrive> camera_of(const Scene& scene, const std::vector<int
   CalibrateOptions options;
   options.seed = o.drive.window.seed;
   options.num_threads = o.drive.window.num_threads;
+  options.find_vehicles =
+      vehicle_finder(o.networks, o.drive.window.num_threads, o.drive.window.load.pixels);
   CameraByDrive out = calibrate_guessed(scene, ids, options, o.drive.window.load.pixels, progress);
   if (o.notice) o.notice(out.text);
   return out;

@@ -326,12 +326,11 @@ std::optional<NetworkUse> mask_vehicles(const Scene& scene, const std::vector<in
   options.networks = {};
   options.networks.detector = kShippedNetwork;
   const NetworkView view = detect_frames(scene, frame_ids, options, progress);
-  // What hides the road should be a vehicle: of 19 boxes in photographs with more, 17 are.
-  constexpr double kLeastScore = 0.8;
+  // What hides the road should be a vehicle.
   for (const auto& [id, vehicles] : view.vehicles) {
     std::vector<Box2>& boxes = load->vehicle_boxes[id];
     for (const VehicleDetection& vehicle : vehicles) {
-      if (vehicle.score >= kLeastScore) boxes.push_back(vehicle.box);
+      if (vehicle.score >= kSureScore) boxes.push_back(vehicle.box);
     }
   }
   return view.detector;

@@ -26,6 +26,9 @@ struct NetworkFiles {
   bool detector_ships() const;  ///< and no description of another file is given
 };
 
+/// Score of the detector that ships: of 19 boxes in photographs with as much, 17 are vehicles.
+inline constexpr double kSureScore = 0.8;
+
 struct DetectFramesOptions {
   NetworkFiles networks;
   std::filesystem::path cache;  ///< folder of DetectionCache; empty: none

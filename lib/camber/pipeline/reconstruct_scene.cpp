@@ -14,6 +14,7 @@
 #include "camber/core/errors.h"
 #include "camber/core/memory.h"
 #include "camber/core/stopwatch.h"
+#include "camber/pipeline/find_vehicles.h"
 
 namespace camber {
 namespace {
@@ -131,6 +132,8 @@ CameraByDrive calibrate(const Scene& scene, const ReconstructSceneOptions& optio
   CalibrateOptions calibration;
   calibration.seed = options.run.seed;
   calibration.num_threads = options.run.num_threads;
+  calibration.find_vehicles =
+      vehicle_finder(options.networks, options.run.num_threads, options.run.load.pixels);
   return calibrate_guessed(
       scene, frames_about(scene, choose_reference_frame(scene, chosen), kMostCalibrationFrames),
       calibration, options.run.load.pixels, progress);
@@ -140,13 +143,13 @@ CameraByDrive calibrate(const Scene& scene, const ReconstructSceneOptions& optio
 /// scene has none.
 void put_height_by_positions(CameraByDrive* camera, const ReconstructSceneOptions& options) {
   if (!camera->scene || camera->scene->height_above_road) return;
-  const Mounting& mounting = camera->calibration->mounting;
-  if (!mounting.height || !mounting.height_by_positions) return;
-  camera->scene->height_above_road = mounting.height->value;
-  camera->scene->height_sigma = mounting.height->sigma;
+  const auto height = height_by(*camera->calibration, "positions");
+  if (!height) return;
+  camera->scene->height_above_road = height->value;
+  camera->scene->height_sigma = height->sigma;
   if (!options.notice) return;
   options.notice(fmt::format("the camera is {:.2f} +- {:.2f} m above the road by its positions",
-                             mounting.height->value, mounting.height->sigma));
+                             height->value, height->sigma));
 }
 
 /// The frames that are asked for, or chosen, and fewer where they give no answer.

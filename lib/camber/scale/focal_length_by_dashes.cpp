@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <utility>
 #include <vector>
 
 #include "camber/core/threads.h"
@@ -98,6 +99,36 @@ struct Stretched {
   }
 };
 
+LaneMarkingSizes sizes_of_dashes(const LaneMarkingSizes& sizes) {
+  LaneMarkingSizes out;
+  out.dash_length = sizes.dash_length;
+  out.dash_gap = sizes.dash_gap;
+  out.line_width = sizes.line_width;
+  return out;
+}
+
+/// @param shorter  of the depths of two focal lengths over those of this one.
+std::vector<Stroke> strokes_of(const GrayImage& image, const Stretched& view,
+                               const LaneMarkingSizes& of_dashes, double scale_sigma,
+                               double shorter, int num_threads) {
+  // Bars of few rows have any length, and those far ahead or aside that of the ground's errors.
+  constexpr int kFewestRows = 5;
+  constexpr double kFarthest = 40.0, kMostAside = 4.0;  // m
+  std::vector<Stroke> out;
+  const LaneMarkings markings = detect_lane_markings(image, view.camera, view.ground, view.ahead,
+                                                     of_dashes, scale_sigma, num_threads);
+  for (const PaintedDash& dash : markings.dashes) {
+    const Eigen::Vector3d along = view.point(dash.far_end) - view.point(dash.near_end);
+    const Eigen::Vector3d middle = view.point(dash.centroid);
+    const double shorter_depth = middle.z() * shorter;
+    if (dash.rows < kFewestRows || shorter_depth > kFarthest || std::abs(middle.x()) > kMostAside) {
+      continue;
+    }
+    out.push_back({middle, along, dash.rows, shorter_depth});
+  }
+  return out;
+}
+
 }  // namespace
 
 DashFocalLength focal_length_by_dashes(const GrayImage& image, const PinholeCamera& camera,
@@ -106,13 +137,7 @@ DashFocalLength focal_length_by_dashes(const GrayImage& image, const PinholeCame
                                        int num_threads) {
   DashFocalLength out;
   if (!sizes.dashes()) return out;
-  LaneMarkingSizes of_dashes;
-  of_dashes.dash_length = sizes.dash_length;
-  of_dashes.dash_gap = sizes.dash_gap;
-  of_dashes.line_width = sizes.line_width;
-  // Bars of few rows have any length, and those far ahead or aside that of the ground's errors.
-  constexpr int kFewestRows = 5;
-  constexpr double kFarthest = 40.0, kMostAside = 4.0;  // m
+  const LaneMarkingSizes of_dashes = sizes_of_dashes(sizes);
   constexpr std::array<double, 5> kFactors = {1.0, 0.5, M_SQRT1_2, M_SQRT2, 2.0};
   // With these alone a single stroke counts: what has 0.7 times the known length may be a stroke on
   // ground that is a third off.
@@ -123,18 +148,7 @@ DashFocalLength focal_length_by_dashes(const GrayImage& image, const PinholeCame
   parallel_for(kFactors.size(), num_threads, [&](std::size_t k) {
     const Stretched other(camera, ground, ahead, kFactors[k]);
     std::vector<Stroke>& strokes = seen[k];
-    const LaneMarkings markings = detect_lane_markings(image, other.camera, other.ground,
-                                                       other.ahead, of_dashes, scale_sigma, 1);
-    for (const PaintedDash& dash : markings.dashes) {
-      const Eigen::Vector3d along = other.point(dash.far_end) - other.point(dash.near_end);
-      const Eigen::Vector3d middle = other.point(dash.centroid);
-      const double shorter_depth = middle.z() * std::min(1.0, 1.0 / kFactors[k]);
-      if (dash.rows < kFewestRows || shorter_depth > kFarthest ||
-          std::abs(middle.x()) > kMostAside) {
-        continue;
-      }
-      strokes.push_back({middle, along, dash.rows, shorter_depth});
-    }
+    strokes = strokes_of(image, other, of_dashes, scale_sigma, std::min(1.0, 1.0 / kFactors[k]), 1);
     BrokenLines lines(strokes, of_dashes);
     found[k].strokes = lines.strokes();
     if (lines.ratios.empty()) return;
@@ -154,6 +168,34 @@ DashFocalLength focal_length_by_dashes(const GrayImage& image, const PinholeCame
     if (!stroke) continue;
     if (out.strokes > 0) return {};  // one stroke asks for half, another for twice
     out = {kFactors[k] * of_dashes.dash_length / stroke->along.norm(), 1};
+  }
+  return out;
+}
+
+BrokenLineRatios broken_line_ratios(const GrayImage& image, const PinholeCamera& camera,
+                                    const GroundRaster& ground, const Eigen::Vector3d& ahead,
+                                    const LaneMarkingSizes& sizes, double scale_sigma,
+                                    int num_threads) {
+  BrokenLineRatios out;
+  if (!sizes.dashes()) return out;
+  const LaneMarkingSizes of_dashes = sizes_of_dashes(sizes);
+  const Stretched view(camera, ground, ahead, 1.0);
+  const std::vector<Stroke> strokes =
+      strokes_of(image, view, of_dashes, scale_sigma, 1.0, num_threads);
+  BrokenLines lines(strokes, of_dashes);
+  out.strokes = lines.strokes();
+  out.periods = std::move(lines.ratios);
+  if (!(sizes.lane_width > 0.0)) return out;
+  constexpr double kMostOff = 0.2, kMostTurn = 0.1;  // of the logarithm; rad
+  for (std::size_t i = 0; i < strokes.size(); ++i) {
+    for (std::size_t j = i + 1; j < strokes.size(); ++j) {
+      if (!lines.in_line[i] || !lines.in_line[j]) continue;
+      const Eigen::Vector3d along = (strokes[i].along + strokes[j].along).normalized();
+      const double turn = strokes[i].along.normalized().cross(strokes[j].along.normalized()).norm();
+      const double across = along.cross(strokes[j].middle - strokes[i].middle).norm();
+      const double ratio = across / sizes.lane_width;
+      if (turn < kMostTurn && std::abs(std::log(ratio)) < kMostOff) out.sidewise.push_back(ratio);
+    }
   }
   return out;
 }

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <vector>
 
 #include "camber/scale/lane_marking_detection.h"
 
@@ -24,5 +25,19 @@ DashFocalLength focal_length_by_dashes(const GrayImage& image, const PinholeCame
                                        const GroundRaster& ground, const Eigen::Vector3d& ahead,
                                        const LaneMarkingSizes& sizes, double scale_sigma,
                                        int num_threads = 0);
+
+/// Broken lines of known sizes on a ground whose lengths along the view may be a fifth off.
+struct BrokenLineRatios {
+  int strokes = 0;               ///< that lie a period, or two, from another, along each other
+  std::vector<double> periods;   ///< of each such pair over the known one
+  std::vector<double> sidewise;  ///< lane widths between lines side by side over the known one
+};
+
+/// @param ground, ahead  see detect_lane_markings(). @param scale_sigma  relative.
+/// @return nothing found where the sizes of dashes are not known; `sidewise` needs lane_width.
+BrokenLineRatios broken_line_ratios(const GrayImage& image, const PinholeCamera& camera,
+                                    const GroundRaster& ground, const Eigen::Vector3d& ahead,
+                                    const LaneMarkingSizes& sizes, double scale_sigma,
+                                    int num_threads = 0);
 
 }  // namespace camber

@@ -1,5 +1,7 @@
 #include "camber/scene/marking_presets.h"
 
+#include "camber/scene/scene.h"
+
 namespace camber {
 namespace {
 
@@ -50,6 +52,16 @@ std::vector<std::string> marking_preset_names() {
   std::vector<std::string> out;
   for (const Preset& preset : presets()) out.emplace_back(preset.name);
   return out;
+}
+
+LaneMarkingSizes marking_sizes(const Scene& scene) {
+  const auto size = [&](const char* name) {
+    const auto found = scene.markings_m.find(name);
+    return found == scene.markings_m.end() ? 0.0 : found->second;
+  };
+  return {size("dash_length"),        size("dash_gap"),  size("line_width"),
+          size("zebra_stripe_width"), size("zebra_gap"), size("zebra_stripe_length"),
+          size("lane_width")};
 }
 
 }  // namespace camber

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <stdexcept>
 
 #include "camber/core/threads.h"
@@ -23,6 +24,13 @@ SupportPlane stretched(const SupportPlane& support, double factor) {
   Eigen::Vector3d along = support.plane.axis1;
   along.z() *= factor;
   UncertainPlane::make_axes(plane.normal, along, &out.plane.axis1, &out.plane.axis2);
+  return out;
+}
+
+PinholeCamera with_focal_length(const PinholeCamera& camera, double factor) {
+  PinholeCamera out = camera;
+  out.fx *= factor;
+  out.fy *= factor;
   return out;
 }
 
@@ -52,9 +60,7 @@ FocalLengthEvidence focal_length_evidence(const PinholeCamera& camera,
       }
     }
     const double most = noise.focal_length_most;
-    PinholeCamera other = camera;
-    other.fx *= factor;
-    other.fy *= factor;
+    const PinholeCamera other = with_focal_length(camera, factor);
     std::vector<double> gains(used.size());
     parallel_for(used.size(), num_threads, [&](std::size_t k) {
       const std::size_t i = used[k];
@@ -79,6 +85,28 @@ FocalLengthEvidence focal_length_evidence(const PinholeCamera& camera,
     for (const double power : {0.5, 2.0}) compare(std::pow(coarse, power));
   }
   if (other_factor) out.log_ratio_of_other = compare(*other_factor);
+  return out;
+}
+
+FocalLengthProfile focal_length_profile(const PinholeCamera& camera,
+                                        const VehicleDetection& detection,
+                                        const SupportPlane& support,
+                                        const std::vector<double>& factors,
+                                        const VehicleFitOptions& options) {
+  constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
+  FocalLengthProfile out;
+  for (const double factor : factors) {
+    const SupportPlane plane = stretched(support, factor);
+    const VehicleEstimate fit =
+        fit_vehicle(with_focal_length(camera, factor), detection, plane, options);
+    const Eigen::Vector3d& up = plane.plane.plane.normal;
+    const bool answered = std::isfinite(fit.keypoint_cost) && fit.covariance.allFinite();
+    out.costs.push_back(fit.keypoint_cost);
+    out.heights.push_back(answered ? -up.dot(fit.pose.bottom_center()) : kNone);
+    out.height_sigmas.push_back(
+        answered ? std::sqrt(up.dot(fit.covariance.topLeftCorner<3, 3>() * up)) : kNone);
+    out.depths.push_back(answered ? fit.pose.center().z() : kNone);
+  }
   return out;
 }
 

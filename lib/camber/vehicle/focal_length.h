@@ -37,4 +37,21 @@ FocalLengthEvidence focal_length_evidence(const PinholeCamera& camera,
                                           const VehicleFitOptions& options, int num_threads = 0,
                                           std::optional<double> other_factor = {});
 
+/// One vehicle fitted with several focal lengths, its plane stretched likewise.
+struct FocalLengthProfile {
+  /// VehicleEstimate::keypoint_cost with each; NaN where few keypoints agree with any pose.
+  std::vector<double> costs;
+  /// m, of the camera above a plane through the vehicle's bottom that is parallel to the support,
+  /// and its standard deviation with each. NaN where there is no answer.
+  std::vector<double> heights, height_sigmas;
+  std::vector<double> depths;  ///< m, of the vehicle's centre
+};
+
+/// @param factors  on the camera's focal length, > 0.
+FocalLengthProfile focal_length_profile(const PinholeCamera& camera,
+                                        const VehicleDetection& detection,
+                                        const SupportPlane& support,
+                                        const std::vector<double>& factors,
+                                        const VehicleFitOptions& options);
+
 }  // namespace camber

@@ -13,6 +13,7 @@
 #include "camber/core/threads.h"
 #include "camber/image/image_io.h"
 #include "camber/image/video.h"
+#include "camber/scene/marking_presets.h"
 #include "camber/scene/travelled.h"
 #include "camber/scene/validate_scene.h"
 
@@ -139,16 +140,6 @@ std::vector<InputHashes> hashes_of(const std::vector<SceneFrame>& frames,
     hash(pixels[k].road_mask, "road mask", frame.road_mask);
   });
   return out;
-}
-
-LaneMarkingSizes marking_sizes(const Scene& scene) {
-  const auto size = [&](const char* name) {
-    const auto found = scene.markings_m.find(name);
-    return found == scene.markings_m.end() ? 0.0 : found->second;
-  };
-  return {size("dash_length"),        size("dash_gap"),  size("line_width"),
-          size("zebra_stripe_width"), size("zebra_gap"), size("zebra_stripe_length"),
-          size("lane_width")};
 }
 
 KnownMetres known_metres(const Scene& scene, const std::vector<int>& frame_ids, double frame_rate) {
