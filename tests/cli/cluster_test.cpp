@@ -1,5 +1,5 @@
-// samples/cluster: the steps of tiles by Snakemake (where it is installed), and a Slurm script's
-// tasks as Slurm starts them.
+// samples/cluster: the steps of tiles by Snakemake (where it is installed), a Slurm script's tasks
+// as Slurm starts them, and (with CAMBER_LONG_TESTS) by a Slurm of this machine alone.
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -7,6 +7,7 @@
 
 #include <cstdlib>
 #include <fstream>
+#include <nlohmann/json.hpp>
 
 #include "camber/cloud/cloud_io.h"
 #include "cli/run_program.h"
@@ -106,6 +107,89 @@ TEST_F(Cluster, TasksOfAnArrayGiveTheFilesOfTheStepsAlone) {
   EXPECT_EQ(shell("SLURM_ARRAY_TASK_COUNT=1 SLURM_ARRAY_TASK_ID=1 bash " + sample("tiles.sbatch") +
                   " plan ground"),
             2);
+}
+
+class OnSlurm : public Cluster {
+ protected:
+  void TearDown() override {
+    if (!slurm_.empty()) shell(slurm_ + " stop slurm");
+  }
+  /// Exit code 77 where Slurm cannot be started; log() says why.
+  int start() {
+    slurm_ = "'" + (test::source_dir() / "tests/cli/one_node_slurm.sh").string() + "'";
+    return shell(slurm_ + " start slurm");
+  }
+  /// A line of a user of Slurm.
+  void slurm(const std::string& line) const {
+    ASSERT_EQ(shell("export SLURM_CONF=\"$PWD/slurm/slurm.conf\" && " + line), 0)
+        << line << "\n"
+        << log() << test::read_text(path("slurm/slurmctld.log"));
+  }
+  /// An array of four tasks, and the join after it: their numbers are in tasks and join.
+  static std::string submit(const std::string& plan) {
+    return "tasks=$(sbatch --parsable --array=1-4 --output=task-%A-%a " + sample("tiles.sbatch") +
+           " " + plan + " ground) && join=$(sbatch --parsable --dependency=afterok:$tasks " +
+           "--kill-on-invalid-dep=yes --wrap 'camber tiles join " + plan +
+           " --job ground') && echo $tasks >tasks && echo $join >join";
+  }
+  /// Until no job waits or runs.
+  static std::string wait() {
+    return "for k in $(seq 1200); do [ -n \"$(squeue -h)\" ] || break; sleep 0.2; done && "
+           "squeue && [ -z \"$(squeue -h)\" ]";
+  }
+  /// What scontrol says of a job.
+  std::string job(const std::string& number) const {
+    slurm("scontrol show job " + number);
+    return log();
+  }
+  std::string number(const std::string& file) const {
+    const std::string line = test::read_text(path(file));
+    return line.substr(0, line.find('\n'));
+  }
+
+ private:
+  std::string slurm_;
+};
+
+TEST_F(OnSlurm, StoppedTasksAreRepeatedAndFailedOnesKeepTheJoinFromRunning) {
+  const char* const asked = std::getenv("CAMBER_LONG_TESTS");
+  if (!asked || std::string(asked) != "1") GTEST_SKIP() << "long, for tests/run.sh --long";
+  const int started = start();
+  if (started == 77) GTEST_SKIP() << log();
+  ASSERT_EQ(started, 0) << log();
+  // Tasks of some seconds.
+  write_cloud(test::made_survey(400.0, 6.0), path("whole.laz"));
+  for (const char* const name : {"alone", "plan", "broken"}) {
+    must({"tiles", "plan", path("whole.laz"), "--tile", "60", "--out", path(name), "--overwrite"});
+  }
+  must({"tiles", "run", path("alone"), "--job", "ground"});
+  must({"tiles", "join", path("alone"), "--job", "ground"});
+
+  // One task is stopped once it has done a tile.
+  const auto index = nlohmann::json::parse(test::read_text(path("plan/index.json")));
+  const std::size_t tiles = index["tiles"].size();
+  const std::string second = index["tiles"][tiles / 4]["name"];  // the first of the second task
+  slurm(submit("plan") + " && for k in $(seq 1200); do [ ! -e 'plan/ground/" + second +
+        ".json' ] || break; sleep 0.05; done && scancel --batch --signal=TERM ${tasks}_2 && " +
+        wait());
+  EXPECT_THAT(job(number("tasks") + "_2"), testing::AllOf(testing::HasSubstr("JobState=COMPLETED"),
+                                                          testing::HasSubstr("Restarts=1")));
+  EXPECT_THAT(job(number("join")), testing::HasSubstr("JobState=COMPLETED"));
+  EXPECT_EQ(files("plan"), files("alone"));
+
+  // One task cannot write a tile.
+  fs::create_directories(path("broken/ground/" + second + ".laz"));
+  slurm(submit("broken") + " && " + wait());
+  EXPECT_THAT(job(number("tasks") + "_2"), testing::HasSubstr("JobState=FAILED"));
+  for (const char* const task : {"_1", "_3", "_4"}) {
+    EXPECT_THAT(job(number("tasks") + task), testing::HasSubstr("JobState=COMPLETED"));
+  }
+  EXPECT_THAT(job(number("join")), testing::HasSubstr("JobState=CANCELLED"));
+  EXPECT_FALSE(fs::exists(path("broken/ground/index.json")));
+  fs::remove(path("broken/ground/" + second + ".laz"));
+  slurm(submit("broken") + " && " + wait());
+  EXPECT_THAT(job(number("join")), testing::HasSubstr("JobState=COMPLETED"));
+  EXPECT_EQ(files("broken"), files("alone"));
 }
 
 }  // namespace
