@@ -121,7 +121,7 @@ class OnSlurm : public Cluster {
   }
   /// A line of a user of Slurm.
   void slurm(const std::string& line) const {
-    ASSERT_EQ(shell("export SLURM_CONF=\"$PWD/slurm/slurm.conf\" && " + line), 0)
+    ASSERT_EQ(shell("export SLURM_CONF=\"$PWD/slurm/slurm.conf\" && { " + line + "; }"), 0)
         << line << "\n"
         << log() << test::read_text(path("slurm/slurmctld.log"));
   }
@@ -178,6 +178,7 @@ TEST_F(OnSlurm, StoppedTasksAreRepeatedAndFailedOnesKeepTheJoinFromRunning) {
   EXPECT_EQ(files("plan"), files("alone"));
 
   // One task cannot write a tile.
+  must({"tiles", "run", path("broken"), "--job", "ground", "--tile", "0"});
   fs::create_directories(path("broken/ground/" + second + ".laz"));
   slurm(submit("broken") + " && " + wait());
   EXPECT_THAT(job(number("tasks") + "_2"), testing::HasSubstr("JobState=FAILED"));
