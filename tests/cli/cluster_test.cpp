@@ -162,13 +162,22 @@ TEST_F(OnSlurm, StoppedTasksAreRepeatedAndFailedOnesKeepTheJoinFromRunning) {
   for (const char* const name : {"alone", "plan", "broken"}) {
     must({"tiles", "plan", path("whole.laz"), "--tile", "60", "--out", path(name), "--overwrite"});
   }
+  // A tile of the second task, which has several.
+  must({"tiles", "run", path("alone"), "--job", "ground", "--shard", "2/4"});
+  const auto index = nlohmann::json::parse(test::read_text(path("plan/index.json")));
+  std::string second;
+  int tiles = 0;
+  for (const auto& tile : index["tiles"]) {
+    const std::string name = tile["name"];
+    if (!fs::exists(path("alone/ground/" + name + ".json"))) continue;
+    if (second.empty()) second = name;
+    ++tiles;
+  }
+  ASSERT_GT(tiles, 2);
   must({"tiles", "run", path("alone"), "--job", "ground"});
   must({"tiles", "join", path("alone"), "--job", "ground"});
 
   // One task is stopped once it has done a tile.
-  const auto index = nlohmann::json::parse(test::read_text(path("plan/index.json")));
-  const std::size_t tiles = index["tiles"].size();
-  const std::string second = index["tiles"][tiles / 4]["name"];  // the first of the second task
   slurm(submit("plan") + " && for k in $(seq 1200); do [ ! -e 'plan/ground/" + second +
         ".json' ] || break; sleep 0.05; done && scancel --batch --signal=TERM ${tasks}_2 && " +
         wait());
