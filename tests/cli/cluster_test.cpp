@@ -114,6 +114,10 @@ class OnSlurm : public Cluster {
   void TearDown() override {
     if (!slurm_.empty()) shell(slurm_ + " stop slurm");
   }
+  static bool is_long_run() {
+    const char* const asked = std::getenv("CAMBER_LONG_TESTS");
+    return asked && std::string(asked) == "1";
+  }
   /// Exit code 77 where Slurm cannot be started; log() says why.
   int start() {
     slurm_ = "'" + (test::source_dir() / "tests/cli/one_node_slurm.sh").string() + "'";
@@ -151,12 +155,17 @@ class OnSlurm : public Cluster {
   std::string slurm_;
 };
 
+/// Skips the test, saying why, where it would take too long or Slurm cannot be started.
+#define CAMBER_START_SLURM()                                             \
+  do {                                                                   \
+    if (!is_long_run()) GTEST_SKIP() << "long, for tests/run.sh --long"; \
+    const int started = start();                                         \
+    if (started == 77) GTEST_SKIP() << log();                            \
+    ASSERT_EQ(started, 0) << log();                                      \
+  } while (false)
+
 TEST_F(OnSlurm, StoppedTasksAreRepeatedAndFailedOnesKeepTheJoinFromRunning) {
-  const char* const asked = std::getenv("CAMBER_LONG_TESTS");
-  if (!asked || std::string(asked) != "1") GTEST_SKIP() << "long, for tests/run.sh --long";
-  const int started = start();
-  if (started == 77) GTEST_SKIP() << log();
-  ASSERT_EQ(started, 0) << log();
+  CAMBER_START_SLURM();
   // Tasks of some seconds.
   write_cloud(test::made_survey(400.0, 6.0), path("whole.laz"));
   for (const char* const name : {"alone", "plan", "broken"}) {
@@ -200,6 +209,24 @@ TEST_F(OnSlurm, StoppedTasksAreRepeatedAndFailedOnesKeepTheJoinFromRunning) {
   slurm(submit("broken") + " && " + wait());
   EXPECT_THAT(job(number("join")), testing::HasSubstr("JobState=COMPLETED"));
   EXPECT_EQ(files("broken"), files("alone"));
+}
+
+TEST_F(OnSlurm, SnakemakesProfileGivesTheFilesOfTheStepsAlone) {
+  if (shell("snakemake --version") != 0) GTEST_SKIP() << "snakemake is not installed";
+  CAMBER_START_SLURM();
+  const std::string run =
+      "timeout 600 snakemake --profile " + sample("slurm") + " -s " + sample("tiles.smk") +
+      " --config list=clouds.txt out=plan threads=1 plan_options='--tile 60' job=ground";
+  slurm(run);
+  must({"tiles", "run", path("alone"), "--job", "ground"});
+  must({"tiles", "join", path("alone"), "--job", "ground"});
+  EXPECT_EQ(files("plan"), files("alone"));
+  // Jobs that fail are known as failed, and the join is not run.
+  fs::remove_all(path("plan/ground"));
+  fs::create_directory(path("plan/ground"));
+  std::ofstream(path("plan/ground/notes")) << "not of tiles";
+  slurm("{ " + run + "; [ $? -eq 1 ]; }");
+  EXPECT_FALSE(fs::exists(path("plan/ground/index.json")));
 }
 
 }  // namespace
