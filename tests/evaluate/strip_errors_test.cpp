@@ -105,8 +105,9 @@ TEST(StripErrors, OfTheTrueRoadAreNone) {
 
 TEST(StripErrors, OfAnotherScaleAreNone) {
   const StripErrors e = MadeRoad(1.02).errors();
-  // The same slopes; over 10 m a curvature of 0.002 per m that is 2 % less: 2 mm.
-  EXPECT_LT(e.height.p95, 3e-3);
+  // The same slopes; over 10 m a curvature of 0.002 per m that is 2 % less: 2 mm. Beyond the last
+  // camera places are by metres, 0.2 m off at 10 m: times 10 m and the curvature 4 mm.
+  EXPECT_LT(e.height.p95, 6e-3);
   EXPECT_GT(e.height.median, 5e-4);
   EXPECT_LT(e.grade_rms, 1e-4);
 }
@@ -141,7 +142,7 @@ TEST(StripErrors, DriftOfTheRotationCountsUnlessTheFramesAreJoined) {
   const StripErrors e = MadeRoad(1.0, bend).errors();
   // Over 10 m from x on the heights gain bend (20 x + 100), less the mean turn's 20 bend 23.6;
   // joined at x what is left is bend 100.
-  EXPECT_NEAR(e.height.p95, bend * (20.0 * (54.4 - 23.6) + 100.0), 0.015);
+  EXPECT_NEAR(e.height.p95, bend * (20.0 * (44.8 - 23.6) + 100.0), 0.015);
   EXPECT_NEAR(e.joined.median, 100.0 * bend, 2e-3);
   EXPECT_LT(e.joined.p95, 100.0 * bend + 4e-3);
   EXPECT_LT(e.beside.p95, 2e-3);

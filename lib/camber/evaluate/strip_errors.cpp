@@ -340,7 +340,7 @@ StripErrors strip_errors(const Scene& scene, const DriveDocument& drive, const R
         beside.add((cell.point.z() - strip.line.at(s).z()) - (*true_height - on_line.z()),
                    cell.sigma);
       }
-      if (s - options.before < places.first()) continue;
+      if (s - options.before < places.first() || s - options.before > places.last()) continue;
       const double true_rise = *true_height - line.at(true_s - options.before).z();
       const Eigen::Vector3d rise = cell.point - strip.line.at(s - options.before);
       height.add(rise.z() - true_rise);
