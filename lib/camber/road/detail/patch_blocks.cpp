@@ -115,8 +115,7 @@ constexpr int kPlanBits = 18, kHeightBits = 24;
 static_assert(kSide + 2 * kHalo <= std::int64_t{1} << kPlanBits);
 static_assert(kMostHeight == std::int64_t{1} << kHeightBits);
 
-/// By code, then index: points that lie alike are in one of a few lines of y, which are nearly all
-/// of some ten points.
+/// By code, then index: first into lines of y so narrow that nearly all hold some ten points.
 void sort_by_place(std::vector<CodedPoint>* points) {
   constexpr int kShift = kPlanBits + kHeightBits + 2;  // lines of 4 steps
   const auto line = [](const CodedPoint& p) { return static_cast<std::size_t>(p.code >> kShift); };
