@@ -157,7 +157,8 @@ BagCloudsWritten write_merged(BagReader& bag, const Topic& topic, const std::str
         header = source->header();
         header.count.reset();
         header.bounds.reset();
-        sink = make_point_sink(stream, header, format, encoding_for(out, format, options.encoding));
+        sink = make_point_sink(stream, header, format, encoding_for(out, format, options.encoding),
+                               out);
       }
       if (!same_fields(header.fields, source->header().fields)) {
         throw InputError(file, bytes.position,

@@ -101,7 +101,7 @@ void add_output_arguments(App& app, OutputArguments& arguments) {
 void add_rewrite_arguments(App& app, RewriteArguments& arguments, const char* input_help) {
   app.add_option("input", arguments.input, input_help)->required();
   app.add_option("--out", arguments.out,
-                 "file to write: .ply, .pcd, .bin, .las, .laz, .xyz or .csv")
+                 "file to write: .ply, .pcd, .bin, .las, .laz, .copc.laz, .xyz or .csv")
       ->output_file()
       ->required();
   add_cloud_arguments(app, arguments.cloud);
@@ -112,11 +112,6 @@ void add_rewrite_arguments(App& app, RewriteArguments& arguments, const char* in
 void require_known_output(const std::string& path, const WriteOptions& options) {
   const std::optional<CloudFormat> format =
       options.format ? options.format : format_from_extension(path);
-  if (format == CloudFormat::kLaz && is_copc_name(path)) {
-    throw UsageError(
-        "--out: found '" + path +
-        "', a COPC file, which is not written; expected a name that ends in .laz alone");
-  }
   if (format) return;
   throw UsageError("--out: found '" + path +
                    "', expected a name that ends in .ply, .pcd, .bin, .las, .laz, .xyz or .csv, "

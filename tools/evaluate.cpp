@@ -13,12 +13,15 @@
 #include <nlohmann/json.hpp>
 #include <set>
 
+#include "camber/cloud/cloud_io.h"
 #include "camber/core/atomic_file.h"
 #include "camber/core/errors.h"
 #include "camber/core/interruption.h"
 #include "camber/core/protected_inputs.h"
 #include "camber/core/read_file.h"
 #include "camber/core/version.h"
+#include "camber/evaluate/scene_truth.h"
+#include "camber/evaluate/strip_errors.h"
 #include "camber/evaluate/tables.h"
 #include "camber/evaluate/track_errors.h"
 #include "camber/evaluate/trajectory_files.h"
@@ -27,6 +30,7 @@
 #include "command.h"
 #include "own_inputs.h"
 #include "road_arguments.h"
+#include "strip_input.h"
 
 namespace camber::tools {
 namespace {
@@ -242,6 +246,7 @@ struct Evaluation {
   // Of drives.
   std::vector<EvaluatedTrajectory> trajectories;
   std::vector<EvaluatedTracks> tracks;
+  std::vector<EvaluatedStrip> strips;
 };
 
 EvaluatedTrajectory evaluate_trajectory(const TrueTrajectory& truth, const std::string& estimate,
@@ -255,6 +260,31 @@ EvaluatedTrajectory evaluate_trajectory(const TrueTrajectory& truth, const std::
   out.frames_taken = compared.frames_taken;
   try {
     out.errors = trajectory_errors(compared.poses, compared.options);
+  } catch (const NoAnswerError& error) {
+    throw NoAnswerError(estimate + ": " + error.what());
+  }
+  return out;
+}
+
+/// The road of a drive in metres against the truth's cloud; none: either is not there.
+std::optional<EvaluatedStrip> evaluate_strip(const Scene& scene, const std::string& truth,
+                                             const std::string& estimate) {
+  const fs::path folder = fs::path(estimate) / "strip";
+  if (scene.truth->cloud.empty() || !is_strip(folder)) return std::nullopt;
+  const StripIndex index = read_strip_index(folder);
+  const auto posed =
+      std::find_if(scene.truth->frames.begin(), scene.truth->frames.end(),
+                   [](const TruthFrame& frame) { return frame.world_from_camera.has_value(); });
+  if (!index.metric || posed == scene.truth->frames.end()) return std::nullopt;
+  const SE3 world_from_cloud = *posed->world_from_camera * SE3::from_matrix(frame_from_truth_cloud(
+                                                               scene.name, scene, posed->id));
+  StripErrorOptions options;
+  options.cell = index.cell;
+  EvaluatedStrip out{truth, estimate, {}};
+  try {
+    out.errors =
+        strip_errors(scene, read_drive(fs::path(estimate) / "drive.json"), read_strip(index),
+                     read_cloud(scene.truth->cloud), world_from_cloud, options);
   } catch (const NoAnswerError& error) {
     throw NoAnswerError(estimate + ": " + error.what());
   }
@@ -288,6 +318,9 @@ void evaluate_one(const Arguments& args, const std::string& truth, const std::st
   // A drive's poses and vehicles are evaluated as far as the truth has them.
   if (drive && (poses || !vehicles_there || !true_vehicles)) {
     all->trajectories.push_back(evaluate_trajectory(true_trajectory(scene, truth), estimate, warn));
+  }
+  if (drive && poses) {
+    if (auto strip = evaluate_strip(scene, truth, estimate)) all->strips.push_back(*strip);
   }
   if (drive && (!vehicles_there || !true_vehicles)) return;
   const VehicleDocument vehicles = read_estimate(args, estimate, *scene.truth);
@@ -374,8 +407,9 @@ void check_subset(const std::string& path, const std::vector<SubsetEntry>& subse
 std::string tables_of(const std::vector<MethodTables>& tables, const Evaluation& all,
                       bool markdown) {
   std::string out = trajectory_text(all.trajectories, markdown);
-  for (const std::string& part : {markdown ? tables_markdown(tables) : tables_text(tables),
-                                  tracks_text(all.tracks, markdown)}) {
+  for (const std::string& part :
+       {markdown ? tables_markdown(tables) : tables_text(tables), tracks_text(all.tracks, markdown),
+        strips_text(all.strips, markdown)}) {
     if (markdown && !out.empty() && !part.empty()) out += "\n";
     out += part;
   }
@@ -432,6 +466,7 @@ int run(const Command& command, const Arguments& args) {
     json["trajectories"].push_back(to_json(one));
   }
   for (const EvaluatedTracks& one : all.tracks) json["tracks"].push_back(to_json(one));
+  for (const EvaluatedStrip& one : all.strips) json["strips"].push_back(to_json(one));
   for (const Matched& one : all.matched) json["matched"].push_back(to_json(one));
   add_other_options(command, &json["options"]);
   if (!args.out.empty()) {
@@ -498,7 +533,8 @@ void register_evaluate(App& root) {
       "trajectories: KITTI's odometry measure, the length of the whole and of windows of 50 "
       "frames, "
       "ATE and RPE (joined at the first frame, aligned rigidly, and with scale), and CLEAR MOT "
-      "measures of the tracks. Estimates are "
+      "measures of the tracks; where the truth has a cloud, of the road along the drive. Estimates "
+      "are "
       "paired with truths in order; with more estimates than truths (several methods), the truths "
       "start over.",
       "  camber evaluate --truth samples/steep_hill --estimate out/steep_hill\n"

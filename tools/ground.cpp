@@ -167,7 +167,7 @@ void register_ground(App& root) {
   App& app = *command->app;
   app.add_option("cloud", arguments->cloud, "PCD, PLY, KITTI .bin, LAS, LAZ or text")->required();
   app.add_option("--out", arguments->out,
-                 "file to write: .ply, .pcd, .bin, .las, .laz, .xyz or .csv")
+                 "file to write: .ply, .pcd, .bin, .las, .laz, .copc.laz, .xyz or .csv")
       ->output_file()
       ->required();
   app.add_option("--sensor-height", bound.sensor_height,

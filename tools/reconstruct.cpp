@@ -253,7 +253,8 @@ void register_triangulate(App& root) {
       ->required();
   add_frame_options(*command->app, a);
   add_confine_option(*command->app, a.confine);
-  command->app->add_option("--out", a.out, "cloud: .ply, .pcd, .bin, .xyz, .csv, .las or .laz")
+  command->app
+      ->add_option("--out", a.out, "cloud: .ply, .pcd, .bin, .xyz, .csv, .las, .laz or .copc.laz")
       ->output_file()
       ->required();
   command->app->add_flag("--json", a.json, "print what was done as JSON to stdout");

@@ -27,6 +27,7 @@ StripIndex read_strip_index(const fs::path& folder) {
   out.metric = index.require("metric", "true or false").boolean();
   out.level = index.require("level", "\"gravity\" or \"camera\"").text();
   out.strip_from_world = index.require("strip_from_world", "16 numbers").pose();
+  if (const auto cell = index.find("cell")) out.cell = cell->positive();
   const JsonCursor line = index.require("driven_line_s_xyz", "a list of places");
   for (const JsonCursor& item : line.items("a list of places")) {
     const std::vector<double> numbers = item.numbers(4, "4 numbers [s, x, y, z]");
@@ -60,6 +61,30 @@ RoadCloud read_strip_cells(const StripIndex& index) {
     out.sigmas.insert(out.sigmas.end(), cells.sigmas.begin(), cells.sigmas.end());
     std::vector<int>& all = out.labels["label"];
     all.insert(all.end(), labels->second.begin(), labels->second.end());
+  }
+  return out;
+}
+
+RoadStrip read_strip(const StripIndex& index) {
+  RoadStrip out;
+  out.strip_from_world = index.strip_from_world;
+  out.line = DrivenLine(index.line);
+  for (const StripIndex::Stretch& stretch : index.stretches) {
+    const RoadCloud cells = read_cloud(stretch.file);
+    if (cells.empty()) continue;
+    const auto s = cells.scalars.find("s"), lateral = cells.scalars.find("lateral");
+    if (cells.sigmas.empty() || s == cells.scalars.end() || lateral == cells.scalars.end()) {
+      throw InputError(stretch.file.string(),
+                       "found cells without s, lateral or sigma, expected all of them");
+    }
+    for (std::size_t i = 0; i < cells.size(); ++i) {
+      StripCell cell;
+      cell.s = s->second[i];
+      cell.lateral = lateral->second[i];
+      cell.point = cells.origin + cells.points[i].cast<double>();
+      cell.sigma = cells.sigmas[i];
+      out.cells.push_back(cell);
+    }
   }
   return out;
 }

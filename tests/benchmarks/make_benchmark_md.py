@@ -81,6 +81,16 @@ PAGE = [
                ["fault", "runs", "refused", "warned", "inside 3 sigma", "wrong", "contradicted",
                 "good of those contradicted"]))),
     ]),
+    ("Whole drives: `camber drive`", [
+        *(Pick(f"drives.py, {of}", f"{of.capitalize()}: {title}", key, columns)
+          for of in ("steep drives", "made drives")
+          for title, key, columns in (
+              ("trajectory, road and tracks", "drives.summary",
+               ["measure", "value", "worst drive"]),
+              ("vehicles beside `reconstruct` about the same frame", "drives.vehicles",
+               ["distance", "vehicles", "reconstruct, mean", "reconstruct, median", "drive, mean",
+                "drive, median", "inside their 95 %"]))),
+    ]),
     ("Lens distortion", [
         Pick("bench_lens", "Ten made drives without and through a lens: mean errors",
              {"brown, k1 = -0.35": "lens.brown", "fisheye, 120 degrees": "lens.fisheye"},

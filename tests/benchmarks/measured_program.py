@@ -2,6 +2,7 @@
 
 import os
 import pathlib
+import resource
 import subprocess
 import sys
 import tempfile
@@ -43,6 +44,12 @@ def measured(words: Iterable[Any]) -> Run:
                          f"{errors.read().decode(errors='replace').strip()[-500:]}")
         return Run(usage.ru_utime + usage.ru_stime, wall, usage.ru_maxrss / 1024.0,
                    int(io["rchar"]) / 1e6, int(io["wchar"]) / 1e6, out.read().decode())
+
+
+def cpu_of_children() -> float:
+    """Seconds of all threads of the children that have ended."""
+    usage = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return usage.ru_utime + usage.ru_stime
 
 
 def add_program_arguments(parser) -> None:

@@ -180,8 +180,17 @@ TEST_F(CloudTools, LazIsTakenWhereLasIs) {
   }
   run({"convert", path("ground.laz"), "--out", path("ground_of_laz.las")});
   EXPECT_TRUE(test::read_text(path("ground_of_laz.las")) == test::read_text(path("ground.las")));
-  EXPECT_ONE_SENTENCE(run_camber({"convert", path("a.laz"), "--out", path("a.copc.laz")}), 2,
-                      "a COPC file, which is not written");
+  // The name alone asks for an octree.
+  run({"convert", path("a.laz"), "--out", path("a.copc.laz"), "--threads", "2"});
+  run({"convert", path("a.las"), "--out", path("b.copc.laz"), "--threads", "1"});
+  EXPECT_TRUE(test::read_text(path("a.copc.laz")) == test::read_text(path("b.copc.laz")));
+  EXPECT_EQ(run_json({"info", path("a.copc.laz")})["files"][0]["points"], 12000);
+  run({"convert", path("a.copc.laz"), "--out", path("level.ply"), "--resolution", "1000"});
+  EXPECT_GT(read_cloud(path("level.ply")).size(), 0u);
+  run({"ground", path("a.copc.laz"), "--out", path("ground.copc.laz")});
+  EXPECT_EQ(read_cloud(path("ground.copc.laz")).labels.at("classification").size(), 12000u);
+  run({"filter", path("a.copc.laz"), "--class", "0", "--out", path("some.copc.laz")});
+  EXPECT_EQ(read_cloud(path("some.copc.laz")).size(), 12000u);
   EXPECT_ONE_SENTENCE(
       run_camber({"convert", path("a.laz"), "--out", path("b.ply"), "--resolution", "1"}), 2,
       "found a file without levels of detail, expected COPC");

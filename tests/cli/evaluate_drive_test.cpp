@@ -8,6 +8,7 @@
 #include <fstream>
 #include <nlohmann/json.hpp>
 
+#include "camber/cloud/cloud_io.h"
 #include "camber/scene/drive_document.h"
 #include "camber/scene/results.h"
 #include "camber/scene/scene.h"
@@ -145,6 +146,64 @@ TEST_F(DrivenScene, FilesOfPosesAreCompared) {
   EXPECT_ONE_SENTENCE(run_camber({"evaluate", "--truth", path("truth.txt"), "--estimate",
                                   path("result/vehicles.json")}),
                       2, "is no trajectory");
+}
+
+TEST_F(DrivenScene, TheRoadAlongItIsComparedWithTheTruthsCloud) {
+  // A level road 1.65 m below the cameras; the strip lacks what lies left of 2 m, and its right
+  // half is 4 cm low.
+  RoadCloud truth, strip;
+  for (int i = 0; i < 400; ++i) {
+    for (int k = -20; k <= 20; ++k) truth.points.emplace_back(0.25F * k, 1.65F, 0.25F * i);
+  }
+  write_cloud(truth, path("road.ply"));
+  strip.frame = CloudFrame::kZUp;
+  for (int i = 0; i < 190; ++i) {
+    for (int k = -10; k < 4; ++k) {
+      const double s = 0.5 * i + 0.25, lateral = 0.5 * k + 0.25;
+      // The drive's lengths are a percent too long, and the second frame is its first with a pose.
+      strip.points.push_back(
+          Eigen::Vector3d(1.01 + s, lateral, -1.65 - (k < 0 ? 0.04 : 0.0)).cast<float>());
+      strip.scalars["s"].push_back(static_cast<float>(s));
+      strip.scalars["lateral"].push_back(static_cast<float>(lateral));
+      strip.scalars["sigma"].push_back(0.01F);
+      strip.labels["label"].push_back(1);
+    }
+  }
+  std::filesystem::create_directories(path("result/strip"));
+  write_cloud(strip, path("result/strip/000000.ply"));
+  json index = {{"format", "camber-strip"},
+                {"metric", true},
+                {"level", "camera"},
+                {"cell", 0.5},
+                {"strip_from_world", {0, 0, 1, 0, -1, 0, 0, 0, 0, -1, 0, 0, 0, 0, 0, 1}},
+                {"stretches", {{{"file", "000000.ply"}, {"from_s", 0.0}}}}};
+  for (int i = 1; i < kFrames; ++i) {
+    index["driven_line_s_xyz"].push_back({1.01 * (i - 1), 1.01 * i, 0.0, -1.65});
+  }
+  write_json(index, path("result/strip/index.json"));
+  json scene = json::parse(test::read_text(path("scene.json")));
+  scene["truth"]["cloud"] = "road.ply";
+  scene["truth"]["cloud_frame"] = 0;
+  write_json(scene, path("scene.json"));
+
+  const std::vector<std::string> words{"evaluate",   "--truth",      path("scene.json"),
+                                       "--estimate", path("result"), "--json"};
+  const auto run = run_camber(words);
+  ASSERT_EQ(run.exit_code, 0) << run.error;
+  const json road = json::parse(run.out)["strips"][0];
+  EXPECT_GT(road["cells"], 1500);
+  EXPECT_NEAR(road["share_answered"].get<double>(), 0.75, 0.02);  // 12 of 16 across
+  EXPECT_NEAR(road["height_error"]["p95"].get<double>(), 0.04, 1e-3);
+  EXPECT_NEAR(road["height_error"]["mean"].get<double>(), -0.04 * 8.0 / 12.0, 2e-3);
+  EXPECT_NEAR(road["height_error_beside"]["within_95"].get<double>(), 4.0 / 12.0, 0.02);
+  EXPECT_NEAR(road["grade_error_deg"]["rms"].get<double>(), 0.0, 1e-3);
+  EXPECT_THAT(
+      run_camber({"evaluate", "--truth", path("scene.json"), "--estimate", path("result")}).out,
+      HasSubstr("road of"));
+  // Of a strip that is up to scale nothing is said in metres.
+  index["metric"] = false;
+  write_json(index, path("result/strip/index.json"));
+  EXPECT_FALSE(json::parse(run_camber(words).out).contains("strips"));
 }
 
 }  // namespace

@@ -9,6 +9,7 @@
 #include <cstdlib>
 #include <fstream>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <sstream>
 
 #include "camber/cloud/detail/laz/arithmetic_encoder.h"
@@ -441,12 +442,85 @@ TEST(LazFile, ATruncatedCopcSaysWhatIsMissingWithBoundsToo) {
     for (const auto& [reason, count] : source->report().dropped) dropped += count;
     EXPECT_EQ(dropped, 50u - whole);
     EXPECT_THAT(source->report().notes,
-                ::testing::Contains(HasSubstr("the COPC index is damaged: all chunks are read")));
+                ::testing::Contains(::testing::AllOf(
+                    HasSubstr("the COPC index is damaged (byte "),
+                    HasSubstr("that it does not name are read as if within the bounds"))));
     if (size == in_chunk) {  // levels need the index
       options.resolution = 10.0;
       EXPECT_THAT(error_of(cut, options), HasSubstr("COPC"));
     }
   }
+}
+
+/// What lies in the points of a file, read by levels or bounds, and the notes.
+struct NodesRead {
+  std::string records;
+  std::vector<std::string> notes;
+};
+
+NodesRead read_nodes(const std::string& bytes, double resolution,
+                     const std::optional<PlanBounds>& bounds) {
+  ReadOptions options;
+  options.lenient = true;
+  options.resolution = resolution;
+  options.bounds = bounds;
+  const auto source = open_point_source(bytes.data(), bytes.size(), "a.laz", options);
+  NodesRead out;
+  out.records = records_of(*source);
+  out.notes = source->report().notes;
+  return out;
+}
+
+TEST(LazFile, ACopcIndexWithoutItsLastEntriesIsRefusedOrSaysWhatIsMissing) {
+  test::MadeLaz what;
+  what.point_format = 6;
+  what.minor = 4;
+  what.compressor = 3;
+  what.copc = true;
+  what.chunks = {11, 12, 13, 14};
+  std::string records;
+  const std::string bytes = test::make_laz(what, &records);
+  // The index: nodes 0 and 1 and a page; in the page nodes 2 and 3. Its last entry is zero, as of a
+  // download that ended before; cut off; or the root page ends before the page's entry.
+  std::string zero = bytes;
+  zero.replace(zero.size() - 32, 32, 32, '\0');
+  const std::string cut = bytes.substr(0, bytes.size() - 32);
+  std::string short_root = bytes;
+  const std::uint64_t two_entries = 64;
+  std::memcpy(short_root.data() + 375 + 54 + 48, &two_entries, sizeof two_entries);
+  const PlanBounds west{0.0, 0.0, 45.0, 100.0};  // without node 2
+  for (const auto& [damaged, named] :
+       {std::pair<std::string, std::size_t>{zero, 3}, std::pair<std::string, std::size_t>{cut, 3},
+        std::pair<std::string, std::size_t>{short_root, 2}}) {
+    const std::size_t points_named = named == 3 ? 11 + 12 + 13 : 11 + 12;
+    const std::string missing = std::to_string(4 - named) + " of 4 chunks, with " +
+                                std::to_string(50 - points_named) + " of 50 points,";
+    // All levels, the root alone (its page is whole), and bounds.
+    for (const double resolution : {1.0, 10.0}) {
+      ReadOptions strict;
+      strict.resolution = resolution;
+      EXPECT_THAT(error_of(damaged, strict), HasSubstr("a.laz: byte "));
+      const NodesRead some = read_nodes(damaged, resolution, {});
+      EXPECT_TRUE(some.records == records.substr(0, 30 * (resolution < 10 ? points_named : 11)));
+      EXPECT_THAT(some.notes, ::testing::Contains(::testing::AllOf(
+                                  HasSubstr("the COPC index is damaged (byte "),
+                                  HasSubstr(missing + " that it does not name are left out"))));
+    }
+    ReadOptions strict;
+    strict.bounds = west;
+    EXPECT_THAT(error_of(damaged, strict), HasSubstr("a.laz: byte "));
+    const NodesRead sound = read_nodes(bytes, 0.0, west), all = read_nodes(damaged, 0.0, west);
+    EXPECT_THAT(sound.notes, ::testing::IsEmpty());
+    EXPECT_TRUE(all.records == sound.records);  // the chunks without an entry are read, too
+    EXPECT_THAT(all.notes, ::testing::Contains(HasSubstr(missing + " that it does not name are "
+                                                                   "read as if")));
+  }
+  // Where the damage is known it is named.
+  ReadOptions options;
+  options.resolution = 10.0;
+  EXPECT_THAT(error_of(zero, options),
+              HasSubstr("a.laz: byte " + std::to_string(bytes.size() - 32) +
+                        ": found a second entry of a node, and 1 of 4 chunks, with 14 of 50"));
 }
 
 TEST(LazFile, AnotherFileOfCopcPointsHasNoIndex) {

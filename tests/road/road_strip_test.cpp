@@ -34,6 +34,41 @@ TEST(DrivenLine, MeasuresAlongAndToTheLeft) {
   EXPECT_NEAR(line.at(30.0).x(), 30.0, 1e-12);
 }
 
+TEST(DrivenLine, IsLaidOntoTheCells) {
+  // Feet that shake by 2 cm over a crest that falls 3 % to the left; no cells before 3 m.
+  const CounterRandom random(9);
+  const auto height = [](double x) { return 0.05 * x - 0.004 * x * x; };
+  std::vector<Eigen::Vector3d> feet;
+  for (int i = 0; i < 60; ++i) {
+    feet.emplace_back(0.4 * i, 0.0, height(0.4 * i) + 0.02 * random.normal(i) + 0.1);
+  }
+  std::vector<StripCell> cells;
+  for (double s = 3.25; s < 40.0; s += 0.5) {
+    for (double lateral = -3.75; lateral < 4.0; lateral += 0.5) {
+      StripCell cell;
+      cell.s = s;
+      cell.lateral = lateral;
+      cell.sigma = 0.01;
+      cell.point << s, lateral, height(s) - 0.03 * lateral;
+      cells.push_back(cell);
+    }
+  }
+  const DrivenLine before(feet), after = laid_onto(cells, before);
+  ASSERT_EQ(after.points().size(), before.points().size());
+  for (std::size_t i = 0; i < after.points().size(); ++i) {
+    const DrivenPoint& p = after.points()[i];
+    EXPECT_EQ(p.s, before.points()[i].s);
+    if (p.s < 4.0) continue;
+    EXPECT_NEAR(p.foot.z(), height(p.s), 1e-9) << p.s;  // a parabola and a slope, as it is fitted
+  }
+  // Before the cells as it was, moved as a whole.
+  EXPECT_NEAR(after.points()[1].foot.z() - after.points()[0].foot.z(), feet[1].z() - feet[0].z(),
+              1e-12);
+  EXPECT_NEAR(laid_onto({}, before).points()[5].foot.z(), feet[5].z(), 1e-12);
+  DrivenLine line(feet);
+  EXPECT_THROW(line.raise({0.1}), std::invalid_argument);
+}
+
 TEST(DrivenLine, KeepsToThePieceThatIsAskedFor) {
   // Out and back 3 m apart: a place between belongs to the part that is driven.
   const DrivenLine line({{0, 0, 0}, {50, 0, 0}, {50, 3, 0}, {0, 3, 0}});

@@ -229,7 +229,8 @@ RoadCloud read_cloud(const std::filesystem::path& path, const ReadOptions& optio
 }
 
 std::unique_ptr<PointSink> make_point_sink(std::ostream& out, const PointStreamHeader& header,
-                                           CloudFormat format, CloudEncoding encoding) {
+                                           CloudFormat format, CloudEncoding encoding,
+                                           const std::filesystem::path& beside) {
   const FieldRoles roles = find_roles(header.fields);
   if (roles.position[0] < 0 || roles.position[1] < 0) {
     throw std::invalid_argument("the points have no x or no y, expected both");
@@ -246,12 +247,15 @@ std::unique_ptr<PointSink> make_point_sink(std::ostream& out, const PointStreamH
       return make_kitti_bin_sink(out, header);
     case CloudFormat::kLas:
     case CloudFormat::kLaz: {
+      const bool octree = format == CloudFormat::kLaz && encoding == CloudEncoding::kOctree;
+      if (octree) return make_copc_sink(out, header, beside);
       if (encoding != CloudEncoding::kBinary) {
         throw std::invalid_argument("LAS and LAZ files have one encoding, binary");
       }
-      const bool compress = format == CloudFormat::kLaz;
-      return header.records ? make_las_copy_sink(out, header, compress)
-                            : make_las_sink(out, header, compress);
+      const LasPoints points =
+          format == CloudFormat::kLaz ? LasPoints::kCompressed : LasPoints::kPlain;
+      return header.records ? make_las_copy_sink(out, header, points)
+                            : make_las_sink(out, header, points);
     }
     case CloudFormat::kE57:
       throw std::invalid_argument(
@@ -267,11 +271,9 @@ std::unique_ptr<PointSink> make_point_sink(std::ostream& out, const PointStreamH
 
 CloudEncoding encoding_for(const std::filesystem::path& path, CloudFormat format,
                            CloudEncoding asked) {
-  if (format == CloudFormat::kLaz && is_copc_name(path)) {
-    throw std::invalid_argument("output " + path.string() +
-                                ": found the name of a COPC file, which is not written, expected "
-                                "one that ends in .laz alone");
-  }
+  const bool octree =
+      format == CloudFormat::kLaz && asked == CloudEncoding::kBinary && is_copc_name(path);
+  if (octree) return CloudEncoding::kOctree;
   const bool commas = format == CloudFormat::kText && extension_of(path) == ".csv" &&
                       (asked == CloudEncoding::kBinary || asked == CloudEncoding::kAscii);
   return commas ? CloudEncoding::kCommas : asked;
@@ -291,7 +293,8 @@ void write_cloud(const RoadCloud& cloud, const std::filesystem::path& path,
   const CloudEncoding encoding = encoding_for(path, *format, options.encoding);
   write_file_atomically(path, [&](std::ostream& out) {
     std::unique_ptr<PointSink> sink;
-    write_step(path, [&] { sink = make_point_sink(out, source->header(), *format, encoding); });
+    write_step(path,
+               [&] { sink = make_point_sink(out, source->header(), *format, encoding, path); });
     PointBatch batch;
     while (source->next(batch)) write_step(path, [&] { sink->write(batch); });
     write_step(path, [&] { sink->finish(); });

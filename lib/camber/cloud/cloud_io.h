@@ -40,7 +40,7 @@ inline bool is_las(std::optional<CloudFormat> format) {
 /// points3D.bin and points3D.txt are COLMAP's; nothing for others.
 std::optional<CloudFormat> format_from_extension(const std::filesystem::path& path);
 
-/// Whether a name ends as those of COPC files do, which are read, not written: .copc.laz.
+/// Whether a name ends as those of COPC files do: .copc.laz.
 bool is_copc_name(const std::filesystem::path& path);
 
 struct ReadOptions {
@@ -164,12 +164,13 @@ enum class CloudEncoding {
   kBigEndian,   ///< PLY only
   kCompressed,  ///< PCD only
   kCommas,      ///< text only: commas and a line of names
+  kOctree,      ///< LAZ only: the nodes of an octree, COPC; of names that end in .copc.laz
 };
 
 struct WriteOptions {
   /// None: by the extension.
   std::optional<CloudFormat> format;
-  /// Text in a file that ends in .csv gets commas.
+  /// Text in a file that ends in .csv gets commas, LAZ in one that ends in .copc.laz an octree.
   CloudEncoding encoding = CloudEncoding::kBinary;
 };
 

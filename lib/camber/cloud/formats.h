@@ -33,12 +33,22 @@ std::unique_ptr<PointSink> make_pcd_sink(std::ostream& out, const PointStreamHea
 std::unique_ptr<PointSink> make_ply_sink(std::ostream& out, const PointStreamHeader& header,
                                          CloudEncoding encoding);
 std::unique_ptr<PointSink> make_kitti_bin_sink(std::ostream& out, const PointStreamHeader& header);
-/// @param compress  LAZ
+/// How the points of a LAS file are written.
+enum class LasPoints {
+  kPlain,
+  kCompressed,  ///< LAZ
+  kExtended,    ///< version 1.4 and point formats 6 to 8, not compressed: what COPC is made of
+};
 std::unique_ptr<PointSink> make_las_sink(std::ostream& out, const PointStreamHeader& header,
-                                         bool compress);
+                                         LasPoints points);
 /// The points of a LAS file into another one: for headers with records.
 std::unique_ptr<PointSink> make_las_copy_sink(std::ostream& out, const PointStreamHeader& header,
-                                              bool compress);
+                                              LasPoints points);
+/// A COPC file. The points are sorted when all are there, what memory does not hold in files
+/// without a name.
+/// @param beside  the file that is written: these are in its folder
+std::unique_ptr<PointSink> make_copc_sink(std::ostream& out, const PointStreamHeader& header,
+                                          const std::filesystem::path& beside);
 std::unique_ptr<PointSink> make_text_sink(std::ostream& out, const PointStreamHeader& header,
                                           CloudEncoding encoding);
 

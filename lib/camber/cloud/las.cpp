@@ -335,17 +335,12 @@ void LasSource::choose_chunks(LasFile* las, const std::vector<std::size_t>& chun
   las->laz = std::make_shared<const laz::LazLayout>(std::move(layout));
 }
 
-/// Nodes by bounds and resolution. Without an index all that is there can be read, not its levels.
+/// Nodes by bounds and resolution.
 void LasSource::choose_nodes(LasFile* las) {
   laz::CopcQuery query;
   query.resolution = options_.resolution;
   query.bounds = options_.bounds;
-  try {
-    laz::select_nodes(las, query);
-  } catch (const InputError&) {
-    if (!options_.lenient || options_.resolution > 0.0) throw;
-    report_.notes.emplace_back("the COPC index is damaged: all chunks are read");
-  }
+  laz::select_nodes(las, query, options_.lenient, &report_.notes);
 }
 
 void LasSource::read_header(const std::vector<std::size_t>* chunks) {

@@ -24,19 +24,23 @@ constexpr std::uint64_t kChunk = 1 << 20;  // bytes
 
 class LasCopySink : public PointSink {
  public:
-  LasCopySink(std::ostream& out, const PointStreamHeader& header, bool compress)
+  LasCopySink(std::ostream& out, const PointStreamHeader& header, LasPoints points)
       : out_(out),
         header_(header),
-        compress_(compress),
+        compress_(points == LasPoints::kCompressed),
+        extended_(points == LasPoints::kExtended),
         las_(*header.las),
-        format_(las_point_format(las_.point_format)) {
+        from_(las_point_format(las_.point_format)) {
+    format_id_ = extended_ ? detail::las_extended_format(las_.point_format) : las_.point_format;
+    format_ = las_point_format(format_id_);
     copc_ = laz::is_copc(las_);
     find_changes();
     start_ = out_.tellp();
     head_ = las_.bytes->read(0, las_.header_size);
+    if (extended_) extend_head();
     write_head();
     if (compress_) {
-      laz_ = std::make_unique<laz::LazWriter>(out_, start_, las_.point_format, record_length_);
+      laz_ = std::make_unique<laz::LazWriter>(out_, start_, format_id_, record_length_);
     }
   }
 
@@ -47,7 +51,7 @@ class LasCopySink : public PointSink {
     rows_.assign(batch.count * record_length_, '\0');
     for (std::size_t i = 0; i < batch.count; ++i) {
       char* const row = rows_.data() + i * record_length_;
-      std::memcpy(row, batch.records.data + i * batch.records.stride, las_.record_length);
+      copy_record(batch.records.data + i * batch.records.stride, row);
       for (const Change& change : changes_) {
         const FieldView& view = batch.fields[change.field];
         if (change.classification) {
@@ -72,7 +76,7 @@ class LasCopySink : public PointSink {
     copy_tail();
     move_extended_records(points_end);
     // Where all points are there, the header keeps its counts and bounds.
-    if (count_ != las_.declared_count) count_in_header();
+    if (count_ != las_.declared_count || extended_) count_in_header();
     const std::ostream::pos_type end = out_.tellp();
     out_.seekp(start_);
     out_.write(head_.data(), static_cast<std::streamsize>(head_.size()));
@@ -82,11 +86,24 @@ class LasCopySink : public PointSink {
   std::vector<std::string> notes() const override {
     std::vector<std::string> notes;
     const bool waves_beside = format_.wave >= 0 && (las_.global_encoding & 4) != 0;
+    if (extended_ && from_.wave >= 0) {
+      notes.emplace_back("wave packets are not kept: COPC has none");
+    }
+    if (overlapping_ > 0) {
+      notes.push_back(std::to_string(overlapping_) +
+                      " points of class 12 (overlap) have the overlap flag and class 1, as point "
+                      "formats from 6 on have it");
+    }
+    if (extended_ && !from_.extended && has_geotiff_keys_alone()) {
+      notes.emplace_back(
+          "the coordinate system stays in GeoTIFF keys, as its well-known text is not known: some "
+          "programs read none of these in COPC files (--crs with well-known text replaces them)");
+    }
     if (waves_beside) {
       notes.emplace_back(
           "the waveforms are in a .wdp file of the input's name, which is not copied");
     }
-    if (copc_) notes.emplace_back("COPC's index of the points is not kept");
+    if (copc_ && !extended_) notes.emplace_back("COPC's index of the points is not kept");
     return notes;
   }
 
@@ -99,11 +116,15 @@ class LasCopySink : public PointSink {
   };
 
   void find_changes();
+  void extend_head();
+  bool has_geotiff_keys_alone() const;
+  void copy_record(const unsigned char* from, char* row);
   std::string describe_extra_bytes() const;
   void write_head();
   std::string changed_records(std::uint32_t* count) const;
   void copy_bytes(std::uint64_t from, std::uint64_t to);
   void copy_tail();
+  void copy_extended_records();
   void move_extended_records(std::uint64_t points_end);
   void count_in_header();
   /// How the input's points are compressed, and COPC's index of them, have no meaning in the
@@ -111,7 +132,11 @@ class LasCopySink : public PointSink {
   bool is_dropped(const LasRecord& record) const {
     const bool compression = (las_.laz || compress_) && record.user_id == laz::kRecordUser &&
                              record.record_id == laz::kRecordId;
-    return compression || (copc_ && record.user_id == laz::kCopcUser);
+    constexpr int kFirstWaveForm = 100, kLastWaveForm = 354, kWaveForms = 65535;
+    const bool waves = extended_ && from_.wave >= 0 && record.user_id == "LASF_Spec" &&
+                       ((record.record_id >= kFirstWaveForm && record.record_id <= kLastWaveForm) ||
+                        record.record_id == kWaveForms);
+    return compression || waves || (copc_ && record.user_id == laz::kCopcUser);
   }
   bool is_replaced(const LasRecord& record) const {
     const bool crs = header_.crs && header_.crs->given;
@@ -124,7 +149,10 @@ class LasCopySink : public PointSink {
 
   void set_class(char* row, unsigned value) const {
     if (format_.extended) {
-      row[16] = static_cast<char>(value);
+      const bool overlap =
+          !from_.extended && value == static_cast<unsigned>(detail::kLasOverlapClass);
+      if (overlap) row[15] = static_cast<char>(static_cast<unsigned char>(row[15]) | 8u);
+      row[16] = static_cast<char>(overlap ? 1u : value);
     } else {
       const unsigned flags = static_cast<unsigned char>(row[15]) & 0xe0u;
       row[15] = static_cast<char>(flags | std::min(value, 31u));
@@ -149,12 +177,15 @@ class LasCopySink : public PointSink {
 
   std::ostream& out_;
   PointStreamHeader header_;
-  bool compress_;
+  bool compress_, extended_;
   std::unique_ptr<laz::LazWriter> laz_;
   const LasFile& las_;
   bool copc_ = false;
   std::uint32_t dropped_records_ = 0;  // behind the points
+  detail::LasPointFormat from_;        // the input's
+  int format_id_ = 0;
   detail::LasPointFormat format_;
+  std::uint64_t overlapping_ = 0;
   std::vector<Change> changes_;
   std::vector<std::size_t> new_fields_;  // that become extra bytes
   std::size_t record_length_ = 0;
@@ -171,7 +202,7 @@ class LasCopySink : public PointSink {
 
 /// Changed attributes go where the record has them; those that it does not have become extra bytes.
 void LasCopySink::find_changes() {
-  record_length_ = las_.record_length;
+  record_length_ = format_.size + las_.extra_length();
   for (std::size_t f = 0; f < header_.fields.size(); ++f) {
     const PointField& field = header_.fields[f];
     if (!field.changed) continue;
@@ -179,11 +210,11 @@ void LasCopySink::find_changes() {
     change.field = f;
     change.type = field.type;
     change.classification = field.name == "classification" && field.type == ScalarType::kUint8;
-    std::size_t at = las_.standard_length();
+    std::size_t at = format_.size;
     for (const LasExtraBytes& extra : las_.extra_bytes) {
       const bool same = extra.elements == 1 && !extra.scaled() && extra.name == field.name &&
                         detail::las_extra_type(extra.type) == field.type;
-      if (same && at + extra.size <= las_.record_length) change.offset = at;
+      if (same && at + extra.size <= format_.size + las_.extra_length()) change.offset = at;
       at += extra.size;
     }
     if (!change.classification && change.offset == 0) {
@@ -197,6 +228,48 @@ void LasCopySink::find_changes() {
     throw std::invalid_argument("a point would have " + std::to_string(record_length_) +
                                 " bytes, expected at most 65535 for LAS");
   }
+}
+
+/// The header of version 1.4, without what has no meaning behind it.
+void LasCopySink::extend_head() {
+  constexpr std::size_t kHeaderSize = 375;
+  constexpr unsigned kTimeOffset = 32, kWaveForms = 2 | 4, kText = 16;
+  if (las_.minor >= 5 && (las_.global_encoding & kTimeOffset) != 0) {
+    throw std::invalid_argument(
+        "found GPS times from an offset of LAS 1.5, expected none for COPC, which is LAS 1.4");
+  }
+  head_.resize(kHeaderSize, '\0');
+  if (las_.minor < 4) std::fill(head_.begin() + (las_.minor < 3 ? 227 : 235), head_.end(), '\0');
+  head_[25] = 4;
+  unsigned encoding = las_.minor < 2 ? 0u : las_.global_encoding & ~kWaveForms;
+  encoding = has_geotiff_keys_alone() ? encoding & ~kText : encoding | kText;
+  store(head_, 6, static_cast<std::uint16_t>(encoding));
+  store(head_, 94, static_cast<std::uint16_t>(kHeaderSize));
+  store(head_, 227, std::uint64_t{0});
+}
+
+bool LasCopySink::has_geotiff_keys_alone() const {
+  if (header_.crs && header_.crs->given) return false;
+  bool keys = false;
+  for (const LasRecord& record : las_.records) {
+    if (!detail::is_projection_record(record.user_id, record.record_id)) continue;
+    constexpr int kWkt = 2112;
+    if (record.record_id == kWkt) return false;
+    keys = keys || record.record_id >= 34735;
+  }
+  return keys;
+}
+
+void LasCopySink::copy_record(const unsigned char* from, char* row) {
+  if (format_id_ == las_.point_format) {
+    std::memcpy(row, from, las_.record_length);
+    return;
+  }
+  if (!from_.extended && detail::las_class_of(from, from_) == detail::kLasOverlapClass) {
+    ++overlapping_;
+  }
+  detail::extend_las_record(from, from_, reinterpret_cast<unsigned char*>(row), format_);
+  std::memcpy(row + format_.size, from + from_.size, las_.extra_length());
 }
 
 /// The descriptions that the file has, of all its records, and those of what is appended. Bytes
@@ -252,10 +325,10 @@ std::string LasCopySink::changed_records(std::uint32_t* count) const {
     ++*count;
   }
   if (header_.crs && header_.crs->given) {
-    out += detail::projection_records(*header_.crs, las_.point_format, count);
+    out += detail::projection_records(*header_.crs, format_id_, count);
   }
   if (compress_) {
-    out += laz::writer_record(las_.point_format, record_length_);
+    out += laz::writer_record(format_id_, record_length_);
     ++*count;
   }
   return out;
@@ -271,35 +344,37 @@ void LasCopySink::copy_bytes(std::uint64_t from, std::uint64_t to) {
 
 void LasCopySink::write_head() {
   const bool crs = header_.crs && header_.crs->given;
-  if (new_fields_.empty() && !crs && !las_.laz && !compress_) {
+  if (new_fields_.empty() && !crs && !las_.laz && !compress_ && !extended_) {
     points_start_ = las_.points_start;
     out_.write(head_.data(), static_cast<std::streamsize>(head_.size()));
     return copy_bytes(las_.header_size, las_.points_start);
   }
   std::uint32_t count = 0;
   const std::string records = changed_records(&count);
-  const std::uint64_t gap = las_.points_start - las_.records_end;
-  points_start_ = las_.header_size + records.size() + gap;
+  const std::uint64_t gap = extended_ ? 0 : las_.points_start - las_.records_end;
+  points_start_ = head_.size() + records.size() + gap;
   if (points_start_ > UINT32_MAX) {
     throw std::invalid_argument("the records before the points have more than 4 GB");
   }
   store(head_, 96, static_cast<std::uint32_t>(points_start_));
   store(head_, 100, count);
-  store(head_, 104, static_cast<std::uint8_t>(las_.point_format | (compress_ ? 0x80 : 0)));
+  store(head_, 104, static_cast<std::uint8_t>(format_id_ | (compress_ ? 0x80 : 0)));
   store(head_, 105, static_cast<std::uint16_t>(record_length_));
-  if (crs && las_.minor >= 4) {
-    const bool wkt = detail::takes_wkt(*header_.crs, las_.point_format);
-    store(head_, 6,
-          static_cast<std::uint16_t>(wkt ? las_.global_encoding | 16 : las_.global_encoding & ~16));
+  if (crs && (las_.minor >= 4 || extended_)) {
+    const bool wkt = detail::takes_wkt(*header_.crs, format_id_);
+    const unsigned encoding =
+        load<std::uint16_t>(reinterpret_cast<const unsigned char*>(head_.data()) + 6);
+    store(head_, 6, static_cast<std::uint16_t>(wkt ? encoding | 16u : encoding & ~16u));
   }
   out_.write(head_.data(), static_cast<std::streamsize>(head_.size()));
   out_.write(records.data(), static_cast<std::streamsize>(records.size()));
-  copy_bytes(las_.records_end, las_.points_start);
+  if (!extended_) copy_bytes(las_.records_end, las_.points_start);
 }
 
 /// What stands behind the points. A coordinate system or a description of extra bytes there that
 /// another one replaces is marked as superseded (LASF_Spec 7).
 void LasCopySink::copy_tail() {
+  if (extended_) return copy_extended_records();
   std::uint64_t at = las_.points_end;
   for (const LasRecord& record : las_.records) {
     if (!record.extended || (!is_replaced(record) && !is_dropped(record))) continue;
@@ -318,7 +393,21 @@ void LasCopySink::copy_tail() {
   copy_bytes(at, las_.tail_end);
 }
 
+/// Of what stands behind the points the records that have a meaning, one behind the other.
+void LasCopySink::copy_extended_records() {
+  std::uint32_t count = 0;
+  store(head_, 235, static_cast<std::uint64_t>(static_cast<std::streamoff>(out_.tellp() - start_)));
+  for (const LasRecord& record : las_.records) {
+    if (!record.extended || is_replaced(record) || is_dropped(record)) continue;
+    copy_bytes(record.start, record.content + record.length);
+    ++count;
+  }
+  store(head_, 243, count);
+  if (count == 0) store(head_, 235, std::uint64_t{0});
+}
+
 void LasCopySink::move_extended_records(std::uint64_t points_end) {
+  if (extended_) return;
   const auto move = [&](std::size_t place) {
     const std::uint64_t old =
         load<std::uint64_t>(reinterpret_cast<const unsigned char*>(head_.data()) + place);
@@ -334,8 +423,9 @@ void LasCopySink::move_extended_records(std::uint64_t points_end) {
 
 /// Counts and bounds of the points that were written.
 void LasCopySink::count_in_header() {
-  const bool old_fields = !format_.extended || las_.legacy_count != 0;
-  if (las_.minor < 4 && count_ > UINT32_MAX) {
+  const bool old_fields = !format_.extended || (las_.legacy_count != 0 && !extended_);
+  const int minor = extended_ ? 4 : las_.minor;
+  if (minor < 4 && count_ > UINT32_MAX) {
     throw std::invalid_argument("the file has more points than LAS 1." +
                                 std::to_string(las_.minor) + " can hold");
   }
@@ -345,7 +435,7 @@ void LasCopySink::count_in_header() {
     store(head_, 111 + 4 * r,
           static_cast<std::uint32_t>(fits && !format_.extended ? by_return_[r] : 0));
   }
-  if (las_.minor >= 4) {
+  if (minor >= 4) {
     store(head_, 247, count_);
     for (std::size_t r = 0; r < 15; ++r) store(head_, 255 + 8 * r, by_return_[r]);
   }
@@ -355,7 +445,7 @@ void LasCopySink::count_in_header() {
     store(head_, 179 + 16 * axis, std::max(a, b));
     store(head_, 187 + 16 * axis, std::min(a, b));
   }
-  if (las_.minor >= 5 && last_time_ >= first_time_) {
+  if (minor >= 5 && last_time_ >= first_time_) {
     store(head_, 375, last_time_);
     store(head_, 383, first_time_);
   }
@@ -364,8 +454,8 @@ void LasCopySink::count_in_header() {
 }  // namespace
 
 std::unique_ptr<PointSink> make_las_copy_sink(std::ostream& out, const PointStreamHeader& header,
-                                              bool compress) {
-  return std::make_unique<LasCopySink>(out, header, compress);
+                                              LasPoints points) {
+  return std::make_unique<LasCopySink>(out, header, points);
 }
 
 }  // namespace camber

@@ -44,8 +44,8 @@ double metres_on_ground(const CoordinateUnit& angle) {
 
 class LasSink : public PointSink {
  public:
-  LasSink(std::ostream& out, const PointStreamHeader& header, bool compress)
-      : out_(out), header_(header), compress_(compress) {
+  LasSink(std::ostream& out, const PointStreamHeader& header, LasPoints points)
+      : out_(out), header_(header), compress_(points == LasPoints::kCompressed) {
     const FieldRoles roles = find_roles(header.fields);
     position_ = roles.position;
     color_ = roles.color;
@@ -95,8 +95,8 @@ class LasSink : public PointSink {
     // whole.
     const bool old = angle_rank_ >= 0 && !is_float(type(angle_rank_)) &&
                      header.fields[static_cast<std::size_t>(angle_rank_)].name == "scan_angle_rank";
-    const bool extended = angle_ >= 0 || channel_ >= 0 || infrared_ >= 0 || flags_[3] >= 0 ||
-                          (classification_ >= 0 && !old);
+    const bool extended = points == LasPoints::kExtended || angle_ >= 0 || channel_ >= 0 ||
+                          infrared_ >= 0 || flags_[3] >= 0 || (classification_ >= 0 && !old);
     format_id_ = extended ? (infrared_ >= 0 ? 8
                              : has_color    ? 7
                                             : 6)
@@ -464,8 +464,8 @@ class LasSink : public PointSink {
 }  // namespace
 
 std::unique_ptr<PointSink> make_las_sink(std::ostream& out, const PointStreamHeader& header,
-                                         bool compress) {
-  return std::make_unique<LasSink>(out, header, compress);
+                                         LasPoints points) {
+  return std::make_unique<LasSink>(out, header, points);
 }
 
 }  // namespace camber

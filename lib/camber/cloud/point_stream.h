@@ -226,12 +226,15 @@ class PointSink {
   virtual std::vector<std::string> notes() const { return {}; }
 };
 
-/// @param out must be seekable unless header.count is given.
+/// @param out    must be seekable unless header.count is given.
+/// @param beside the file that is written: what does not fit into memory is put into its folder for
+///               the time (COPC alone); empty: into that of the system's temporary files
 std::unique_ptr<PointSink> make_point_sink(std::ostream& out, const PointStreamHeader& header,
-                                           CloudFormat format, CloudEncoding encoding);
+                                           CloudFormat format, CloudEncoding encoding,
+                                           const std::filesystem::path& beside = {});
 
-/// The encoding to write a file with: commas for text in a file that ends in .csv.
-/// @throws std::invalid_argument for the name of a COPC file.
+/// The encoding to write a file with: commas for text in a file that ends in .csv, an octree for
+/// LAZ in one that ends in .copc.laz.
 CloudEncoding encoding_for(const std::filesystem::path& path, CloudFormat format,
                            CloudEncoding asked);
 

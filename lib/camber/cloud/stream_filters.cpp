@@ -553,7 +553,8 @@ std::uint64_t write_points(PointSource& source, const std::filesystem::path& pat
   std::uint64_t count = 0;
   write_file_atomically(path, [&](std::ostream& out) {
     std::unique_ptr<PointSink> sink;
-    write_step(path, [&] { sink = make_point_sink(out, source.header(), *format, encoding); });
+    write_step(path,
+               [&] { sink = make_point_sink(out, source.header(), *format, encoding, path); });
     const double total = static_cast<double>(
         std::max<std::uint64_t>(source.header().count.value_or(source.report().declared), 1));
     PointBatch batch;

@@ -73,6 +73,7 @@ RoadStrip strip_of(const WindowLog& log, const Trajectory& trajectory,
     }
   });
   out.cells = builder.finish();
+  out.line = laid_onto(out.cells, out.line);
   return out;
 }
 

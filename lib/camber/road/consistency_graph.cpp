@@ -120,15 +120,22 @@ std::vector<std::pair<std::size_t, std::size_t>> near_pairs(const PlanView& view
   return pairs;
 }
 
-/// Sets steps, angles and validity of a link from the planes as they are.
-void judge(const PlanView& view, const RoadSurface& surface, const ConsistencyOptions& options,
-           std::size_t ia, std::size_t ib, PatchLink* link) {
-  const PlanePatch &a = surface.patches[ia], &b = surface.patches[ib];
-  const PolygonGap gap = polygon_gap(view.polygons[ia], view.polygons[ib]);
-  const Vector2d middle = 0.5 * (gap.on_a + gap.on_b);
-  link->distance = gap.distance;
+Vector2d middle_of(const PolygonGap& gap) { return 0.5 * (gap.on_a + gap.on_b); }
+
+/// Sets the step and the angle of a link from the planes as they are.
+void measure(const PlanView& view, const PlanePatch& a, const PlanePatch& b, const Vector2d& middle,
+             PatchLink* link) {
   link->angle = angle_between(a.plane.plane.normal, b.plane.plane.normal);
   link->height_step = view.height(b.plane.plane, middle) - view.height(a.plane.plane, middle);
+}
+
+/// Sets all of a link but its ids.
+void judge(const PlanView& view, const RoadSurface& surface, const ConsistencyOptions& options,
+           std::size_t ia, std::size_t ib, const PolygonGap& gap, PatchLink* link) {
+  const PlanePatch &a = surface.patches[ia], &b = surface.patches[ib];
+  const Vector2d middle = middle_of(gap);
+  link->distance = gap.distance;
+  measure(view, a, b, middle, link);
   const double share = gap.distance / options.link_distance;
   link->weight = std::exp(-2.0 * share * share);
   const Eigen::RowVector3d ja = view.jacobian(a.plane, middle), jb = view.jacobian(b.plane, middle);
@@ -162,9 +169,8 @@ void judge(const PlanView& view, const RoadSurface& surface, const ConsistencyOp
 /// Places along the border of two patches where their heights are to agree: the middle of the gap,
 /// and to both sides of it as far as both patches reach.
 std::vector<Vector2d> border_places(const PlanView& view, const PlanePatch& a, const PlanePatch& b,
-                                    const PlanPolygon& pa, const PlanPolygon& pb) {
-  const PolygonGap gap = polygon_gap(pa, pb);
-  const Vector2d middle = 0.5 * (gap.on_a + gap.on_b);
+                                    const PlanPolygon& pa, const PlanPolygon& pb,
+                                    const Vector2d& middle) {
   const Vector2d across = view.axes(b.plane.centroid) - view.axes(a.plane.centroid);
   if (!(across.norm() > 0.0)) return {middle};
   const Vector2d along = Vector2d(-across.y(), across.x()).normalized();
@@ -307,23 +313,24 @@ void add_priors(const RoadSurface& surface, const std::vector<char>& linked, Gra
   }
 }
 
-/// A link's terms between the patches at places ia and ib.
+/// A link's terms between the patches at places ia and ib. @param middle  of the gap between them
 void add_link(const PlanView& view, const RoadSurface& surface, const ConsistencyOptions& options,
-              const PatchLink& link, std::size_t ia, std::size_t ib, GraphProblem& graph) {
+              const PatchLink& link, std::size_t ia, std::size_t ib, const Vector2d& middle,
+              GraphProblem& graph) {
   const PlanePatch &a = surface.patches[ia], &b = surface.patches[ib];
   double* change_a = graph.change[ia].data();
   double* change_b = graph.change[ib].data();
   const double slack = std::sqrt(std::max(link.weight, 1e-3));
   if (options.consistency == Consistency::kPaper) {
-    const PolygonGap gap = polygon_gap(view.polygons[ia], view.polygons[ib]);
-    const Vector3d origin = view.on_plane(a.plane.plane, 0.5 * (gap.on_a + gap.on_b));
+    const Vector3d origin = view.on_plane(a.plane.plane, middle);
     graph.problem.AddResidualBlock(
         PlaneConsistency::create(a.plane, b.plane, origin, options.normal_sigma * (1.0 / slack),
                                  options.offset_sigma * (1.0 / slack)),
         new ceres::CauchyLoss(kCauchy), change_a, change_b);
     return;
   }
-  for (const Vector2d& place : border_places(view, a, b, view.polygons[ia], view.polygons[ib])) {
+  for (const Vector2d& place :
+       border_places(view, a, b, view.polygons[ia], view.polygons[ib], middle)) {
     // The ground may bend on its way across a gap, and where it bends is not known to the inch.
     const double bend = std::tan(link.angle) * (0.5 * link.distance + kBorderError);
     const double sigma = std::hypot(options.continuity_sigma, bend) / slack;
@@ -394,11 +401,13 @@ std::vector<PatchLink> find_links(const RoadSurface& surface, const ConsistencyO
   const PlanView view(surface);
   std::vector<PatchLink> links;
   for (const auto& [i, j] : near_pairs(view, options.link_distance)) {
+    const PolygonGap gap = polygon_gap(view.polygons[i], view.polygons[j]);
+    if (!(gap.distance <= options.link_distance)) continue;
     PatchLink link;
     link.a = surface.patches[i].id;
     link.b = surface.patches[j].id;
-    judge(view, surface, options, i, j, &link);
-    if (link.distance <= options.link_distance) links.push_back(std::move(link));
+    judge(view, surface, options, i, j, gap, &link);
+    links.push_back(std::move(link));
   }
   return links;
 }
@@ -415,20 +424,26 @@ ConsistencyReport optimise_surface(const ConsistencyOptions& options, RoadSurfac
   if (options.consistency == Consistency::kNone || used.empty()) return report;
   std::vector<char> linked(count, 0);
   for (const PatchLink* link : used) linked[index.at(link->a)] = linked[index.at(link->b)] = 1;
+  // Outlines stay where they are in plan.
+  std::vector<Vector2d> middles;
+  for (const PatchLink& link : surface->links) {
+    middles.push_back(
+        middle_of(polygon_gap(view.polygons[index.at(link.a)], view.polygons[index.at(link.b)])));
+  }
   GraphProblem graph;
   add_priors(*surface, linked, graph);
   for (const PatchLink* link : used) {
     const std::size_t ia = index.at(link->a), ib = index.at(link->b);
     if (graph.block_of[ia] < 0 || graph.block_of[ib] < 0) continue;
-    add_link(view, *surface, options, *link, ia, ib, graph);
+    const auto at = static_cast<std::size_t>(link - surface->links.data());
+    add_link(view, *surface, options, *link, ia, ib, middles[at], graph);
   }
   if (graph.blocks.empty() || !solve_graph(graph, report)) return report;
   apply_solution(view, graph, surface);
-  for (PatchLink& link : surface->links) {
-    PatchLink fresh = link;
-    judge(view, *surface, options, index.at(link.a), index.at(link.b), &fresh);
-    link.height_step = fresh.height_step;
-    link.angle = fresh.angle;
+  for (std::size_t k = 0; k < surface->links.size(); ++k) {
+    PatchLink& link = surface->links[k];
+    measure(view, surface->patches[index.at(link.a)], surface->patches[index.at(link.b)],
+            middles[k], &link);
   }
   align_patches_with_road(surface);
   return report;

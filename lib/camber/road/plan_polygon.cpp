@@ -1,5 +1,6 @@
 #include "camber/road/plan_polygon.h"
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -169,7 +170,13 @@ PolygonGap polygon_gap(const PlanPolygon& a, const PlanPolygon& b) {
     }
   }
   const auto visit = [&](const PlanPolygon& corners, const PlanPolygon& edges, bool swapped) {
+    Eigen::AlignedBox2d box;
+    for (const Vector2d& p : edges) box.extend(p);
     for (const Vector2d& p : corners) {
+      // Most corners are farther from all edges than the nearest one is: beyond rounding.
+      constexpr double kRounding = 1e-12;
+      const double slack = kRounding * (p.cwiseAbs().maxCoeff() + box.sizes().maxCoeff());
+      if (box.exteriorDistance(p) > gap.distance + slack) continue;
       Vector2d from = edges.back();
       for (const Vector2d& to : edges) {
         const Vector2d q = nearest_on_segment(from, to, p);

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -81,6 +82,58 @@ std::optional<DrivenLine::Place> DrivenLine::project(const Eigen::Vector3d& poin
                  a->foot.z() + along / length * (b->foot.z() - a->foot.z())};
   }
   return best;
+}
+
+void DrivenLine::raise(const std::vector<double>& rise) {
+  if (rise.size() != points_.size()) {
+    throw std::invalid_argument(
+        fmt::format("driven line: {} rises, expected {}", rise.size(), points_.size()));
+  }
+  for (std::size_t i = 0; i < rise.size(); ++i) points_[i].foot.z() += rise[i];
+}
+
+DrivenLine laid_onto(const std::vector<StripCell>& cells, DrivenLine line) {
+  constexpr double kReach = 1.5;  // m, along and across
+  constexpr int kLeast = 12;      // cells
+  const std::vector<DrivenPoint>& points = line.points();
+  std::vector<double> rise(points.size());
+  std::vector<std::size_t> known;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    const auto from = std::lower_bound(cells.begin(), cells.end(), points[i].s - kReach,
+                                       [](const StripCell& c, double s) { return c.s < s; });
+    Eigen::Matrix4d normal = Eigen::Matrix4d::Zero();
+    Eigen::Vector4d right = Eigen::Vector4d::Zero();
+    int count = 0;
+    double low = 0.0, high = 0.0;
+    for (auto c = from; c != cells.end() && c->s <= points[i].s + kReach; ++c) {
+      if (std::abs(c->lateral) > kReach) continue;
+      const double ahead = c->s - points[i].s;
+      low = std::min(low, ahead);
+      high = std::max(high, ahead);
+      const Eigen::Vector4d row(1.0, ahead, ahead * ahead, c->lateral);
+      normal += row * row.transpose() / (c->sigma * c->sigma);
+      right += (c->point.z() - points[i].foot.z()) * row / (c->sigma * c->sigma);
+      ++count;
+    }
+    if (count < kLeast || low > -0.5 * kReach || high < 0.5 * kReach) continue;
+    rise[i] = normal.ldlt().solve(right)[0];
+    known.push_back(i);
+  }
+  if (known.empty()) return line;
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    const auto after = std::lower_bound(known.begin(), known.end(), i);
+    if (after == known.end()) {
+      rise[i] = rise[known.back()];
+    } else if (*after != i && after == known.begin()) {
+      rise[i] = rise[known.front()];
+    } else if (*after != i) {
+      const std::size_t a = *(after - 1), b = *after;
+      const double share = (points[i].s - points[a].s) / (points[b].s - points[a].s);
+      rise[i] = rise[a] + share * (rise[b] - rise[a]);
+    }
+  }
+  line.raise(rise);
+  return line;
 }
 
 RoadStripBuilder::RoadStripBuilder(DrivenLine line, const RoadStripOptions& options)

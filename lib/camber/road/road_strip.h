@@ -52,6 +52,8 @@ class DrivenLine {
   const std::vector<DrivenPoint>& points() const { return points_; }
   /// Length of each foot that was given, in their order.
   const std::vector<double>& lengths() const { return lengths_; }
+  /// Moves each point up. @param rise  m, one a point
+  void raise(const std::vector<double>& rise);
 
  private:
   std::vector<DrivenPoint> points_;  // strictly ascending s
@@ -74,6 +76,11 @@ struct RoadStrip {
   DrivenLine line;
   std::vector<StripCell> cells;  ///< by s, then lateral
 };
+
+/// The driven line at the height of the cells beside it, a parabola along and a cross slope through
+/// those within 1.5 m: a camera shakes by centimetres, and the foot of each with it. Where there
+/// are no cells it goes on as it was from where there are.
+DrivenLine laid_onto(const std::vector<StripCell>& cells, DrivenLine line);
 
 /// Collects what windows see of the road and fuses it cell by cell, robustly.
 class RoadStripBuilder {

@@ -19,8 +19,8 @@ struct ScaleNoise {
   // The camera's mounting.
   double unknown_camera_height = 1.65;        ///< m, of a camera on a car to a van
   double unknown_camera_height_sigma = 0.33;  ///< m; 20 %
-  /// Relative standard deviation of a scale beyond which a result without a camera height or known
-  /// poses is called up to scale.
+  /// Relative standard deviation of a scale beyond which a result is called up to scale that has no
+  /// camera height and no known poses, or whose pictures repeat the asphalt.
   double metric_limit = 0.1;
 
   double known_pose_scale =

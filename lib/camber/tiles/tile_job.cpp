@@ -591,10 +591,15 @@ std::vector<std::size_t> tiles_of_shard(const TilePlan& plan, std::size_t shard,
     throw std::invalid_argument(fmt::format("shard = {}, expected 1 to {}", shard, shards));
   }
   // In runs: tiles side by side, whose halos the system has still in memory.
-  const std::size_t count = plan.tiles.size();
+  double all = 0.0, before = 0.0;
+  for (const Tile& tile : plan.tiles) all += static_cast<double>(tile.points);
   std::vector<std::size_t> out;
-  for (std::size_t k = (shard - 1) * count / shards; k < shard * count / shards; ++k) {
-    out.push_back(k);
+  for (std::size_t k = 0; k < plan.tiles.size(); ++k) {
+    const auto points = static_cast<double>(plan.tiles[k].points);
+    const double middle = (before + 0.5 * points) / std::max(all, 1.0);
+    before += points;
+    const auto part = static_cast<std::size_t>(middle * static_cast<double>(shards));
+    if (std::min(part, shards - 1) == shard - 1) out.push_back(k);
   }
   return out;
 }

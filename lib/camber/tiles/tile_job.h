@@ -119,7 +119,8 @@ TileJob::Kind tile_job_from_string(const std::string& name);
 /// Neighbours where none are given: 1 of kFilter, 30 of kNormals.
 int default_neighbors(TileJob::Kind kind);
 
-/// The tiles of shard `shard` of `shards`, which have no tile in common and together all.
+/// The tiles of shard `shard` of `shards`, which have no tile in common, together all, and each
+/// about as many points.
 /// @param shard  1 to `shards`
 std::vector<std::size_t> tiles_of_shard(const TilePlan& plan, std::size_t shard,
                                         std::size_t shards);

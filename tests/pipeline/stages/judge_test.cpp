@@ -4,9 +4,11 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <cstdint>
 #include <string>
 
 #include "camber/core/errors.h"
+#include "camber/core/random.h"
 #include "pipeline/made_drive.h"
 
 namespace camber {
@@ -128,6 +130,32 @@ TEST(JudgeStage, WhatRoadsFromOtherStartsDifferByIsInItsSigma) {
   EXPECT_NEAR(std::sqrt(judged.contradiction_variance), 0.07, 1e-9);
   EXPECT_THAT(judged.warnings, IsEmpty());
   EXPECT_NEAR(judged.road.metres_per_baseline(), before.road.metres_per_baseline(), 1e-9);
+}
+
+TEST(JudgeStage, AScaleThatIsHardlyKnownIsNoneWhereThePicturesRepeatTheRoad) {
+  MadeDrive drive = make_drive({});
+  PhotometricGround ground = exact_photometric(drive);
+  const auto textured = [&](std::uint64_t differs) {  // 0: all pictures alike
+    for (std::size_t k = 0; k < drive.frames.size(); ++k) {
+      const CounterRandom random(differs * k);
+      std::uint64_t i = 0;
+      for (std::uint8_t& pixel : drive.frames.gray[k].pixels) {
+        pixel = static_cast<std::uint8_t>(random.below(i++, 200));
+      }
+    }
+  };
+  textured(0);
+  ground.ground.alternative_spread = 0.04;
+  EXPECT_TRUE(judged_road(drive, ground).metric);
+  ground.ground.alternative_spread = 0.3;
+  const JudgedRoad none = judged_road(drive, ground);
+  EXPECT_FALSE(none.metric);
+  EXPECT_EQ(none.scale.status, Status::kNotObservable);
+  EXPECT_THAT(none.scale.reason, HasSubstr("repeat the asphalt"));
+  textured(1);
+  const JudgedRoad weak = judged_road(drive, ground);
+  EXPECT_TRUE(weak.metric);
+  EXPECT_EQ(weak.scale.status, Status::kWeak);
 }
 
 TEST(JudgeStage, ARoadWithMuchElseOverItDoesNotGiveTheScaleWithoutAMask) {

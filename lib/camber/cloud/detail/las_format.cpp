@@ -1,6 +1,7 @@
 #include "camber/cloud/detail/las_format.h"
 
 #include <array>
+#include <cmath>
 #include <stdexcept>
 #include <vector>
 
@@ -15,6 +16,47 @@ LasPointFormat las_point_format(int id) {
       {59, true, 22, -1, -1, 30},  {67, true, 22, 30, 36, 38},
   };
   return kFormats[id];
+}
+
+int las_extended_format(int id) {
+  const LasPointFormat format = las_point_format(id);
+  return format.infrared >= 0 ? 8 : format.color >= 0 ? 7 : 6;
+}
+
+int las_class_of(const unsigned char* record, const LasPointFormat& format) {
+  return format.extended ? record[16] : record[15] & 31;
+}
+
+void extend_las_record(const unsigned char* from, const LasPointFormat& from_format,
+                       unsigned char* to, const LasPointFormat& to_format) {
+  constexpr std::size_t kTimeOfExtended = 22;
+  if (from_format.extended) {
+    std::memcpy(to, from, kTimeOfExtended + 8);
+  } else {
+    std::memcpy(to, from, 14);
+    const unsigned returns = from[14], flags = from[15] >> 5;
+    int point_class = las_class_of(from, from_format);
+    unsigned overlap = 0;
+    if (point_class == kLasOverlapClass) {
+      point_class = 1;
+      overlap = 1;
+    }
+    to[14] = static_cast<unsigned char>((returns & 7u) | (returns >> 3 & 7u) << 4);
+    // The direction of the scan and the edge of the flight line keep their bits.
+    to[15] = static_cast<unsigned char>(flags | overlap << 3 | (returns & 0xc0u));
+    to[16] = static_cast<unsigned char>(point_class);
+    to[17] = from[17];
+    const auto degrees = static_cast<signed char>(from[16]);
+    const auto angle = static_cast<std::int16_t>(std::lround(degrees / kLasAngleUnit));
+    std::memcpy(to + 18, &angle, sizeof angle);
+    std::memcpy(to + 20, from + 18, 2);
+    const double time = from_format.time < 0 ? 0.0 : load<double>(from + from_format.time);
+    std::memcpy(to + kTimeOfExtended, &time, sizeof time);
+  }
+  if (to_format.color >= 0) std::memcpy(to + to_format.color, from + from_format.color, 6);
+  if (to_format.infrared >= 0) {
+    std::memcpy(to + to_format.infrared, from + from_format.infrared, 2);
+  }
 }
 
 ScalarType las_extra_type(int id) {

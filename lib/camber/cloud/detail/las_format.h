@@ -40,6 +40,20 @@ struct LasPointFormat {
 /// @param id  0 to 10
 LasPointFormat las_point_format(int id);
 
+inline constexpr int kLasOverlapClass = 12;  ///< of formats 0 to 5; the others have a flag
+
+/// The one of formats 6 to 8 that holds what points of a format have, but for wave packets.
+int las_extended_format(int id);
+
+/// The class of a point.
+int las_class_of(const unsigned char* record, const LasPointFormat& format);
+
+/// The standard part of a record in one of formats 6 to 8. Of formats 0 to 5 (LAS 1.4) return
+/// numbers, flags and the class get wider fields, whole degrees of scan angles become multiples of
+/// 0.006, class 12 the overlap flag and class 1; times that there are none of are 0.
+void extend_las_record(const unsigned char* from, const LasPointFormat& from_format,
+                       unsigned char* to, const LasPointFormat& to_format);
+
 /// Type of a value of extra bytes, or of each of its two or three.
 /// @param id  1 to 30, as in the description of extra bytes
 ScalarType las_extra_type(int id);

@@ -359,7 +359,7 @@ AssembledRoad assemble(const LoadedFrames& frames, const Correspondences& matche
   const RoadPosterior& road = judged.road;
   AssembledRoad out;
   RoadSurface& surface = out.surface;
-  surface.metric = scaled.metric;
+  surface.metric = judged.metric;
   surface.ego_patch = 0;
   surface.patches.push_back(ego_patch(ground.ground.ego, road, surface.up));
   surface.patches.resize(1 + plan.road.size());
@@ -383,8 +383,8 @@ AssembledRoad assemble(const LoadedFrames& frames, const Correspondences& matche
     }
   }
   surface.links = links_of(graph, planes.changes, surface);
-  out.vehicles = vehicle_document(frames, placed, std::move(vehicles), method, scaled.metric);
-  out.cloud = road_cloud(frames, matches, ground, road, scaled.metric, surface, road_patches,
+  out.vehicles = vehicle_document(frames, placed, std::move(vehicles), method, judged.metric);
+  out.cloud = road_cloud(frames, matches, ground, road, judged.metric, surface, road_patches,
                          options.num_threads);
   out.run = run_document(frames, ground, judged);
   state(judged.scale, &out.run, &surface);

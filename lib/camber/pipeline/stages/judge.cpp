@@ -376,7 +376,15 @@ JudgedRoad judge(const ScaledRoad& scaled, const std::optional<RoadLayer>& layer
     const UncertainPlane ego = out.road.ego();
     sigma = std::sqrt(ego.covariance(2, 2)) / ego.plane.offset;
   }
-  out.scale = judge_alone(sigma, scaled.metric, scaled.without_metres);
+  std::string without_metres = scaled.without_metres;
+  if (out.metric && layer && layer->repeated && sigma > noise.metric_limit) {
+    out.metric = false;
+    without_metres = fmt::format(
+        "the pictures repeat the asphalt, as films do, which would leave the scale known to {:.0f} "
+        "% only",
+        100.0 * sigma);
+  }
+  out.scale = judge_alone(sigma, out.metric, without_metres);
   shift(std::log(out.road.metres_per_baseline() / scaled.road.metres_per_baseline()), &evidence);
   out.evidence = std::move(evidence);
   return out;

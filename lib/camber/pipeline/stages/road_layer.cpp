@@ -11,6 +11,7 @@
 #include "camber/core/median.h"
 #include "camber/motion/triangulation.h"
 #include "camber/pipeline/stages/motion.h"
+#include "camber/pipeline/stages/passing_road.h"
 
 namespace camber {
 
@@ -39,7 +40,8 @@ ScaleEvidence evidence_of(const RoadLayer& layer) {
                   {"start_spread", layer.alternative_spread},
                   {"masked", layer.masked ? 1.0 : 0.0},
                   {"posed", layer.posed ? 1.0 : 0.0},
-                  {"search", static_cast<double>(layer.search)}};
+                  {"search", static_cast<double>(layer.search)},
+                  {"repeated", layer.repeated ? 1.0 : 0.0}};
   return out;
 }
 
@@ -146,6 +148,7 @@ RoadLayer road_layer(const LoadedFrames& frames, const Correspondences& matches,
   out.found = found_share(road.seen);
   out.agreeing = std::min(agreeing_share(road.ego), ground.agreeing_before);
   out.alternative_spread = road.alternative_spread;
+  out.repeated = repeats_road(frames, ground.motion);
   if (out.posed) return out;
   out.off_road = off_road_share(road, metres_per_baseline);
   if (out.masked) {

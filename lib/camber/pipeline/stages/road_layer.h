@@ -31,6 +31,7 @@ struct RoadLayer {
   /// Of the logarithm of the scale: the most by which roads from other starts, on which as many
   /// points agree, differ from this one.
   double alternative_spread = 0.0;
+  bool repeated = false;  ///< the pictures repeat the asphalt, as a film's coder does
 
   /// Logarithm of the odds that another layer was found. Linear in the shares; assumed: each alone
   /// gives even odds where the judge calls it contradicted (ScaleNoise).

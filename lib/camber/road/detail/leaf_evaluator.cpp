@@ -9,17 +9,24 @@ namespace kernels = plane_kernels;
 
 kernels::PieceStatistics LeafEvaluator::statistics(const PivotPlane& plane,
                                                    std::size_t leaf) const {
+  if (noise_.stated.kind == NoiseKind::kRays) return statistics_by_rays(plane, leaf);
   const GroundTree::Leaf& l = tree_.leaves()[leaf];
   const std::size_t b = l.begin, n = l.padded_end - b;
-  const float* w = &s_.w[b];
+  return kernels::piece_statistics({&s_.x[b], &s_.y[b], &s_.z[b], &s_.w[b], n}, plane.as_float(),
+                                   static_cast<float>(kLeafLimit));
+}
+
+/// Apart, since its memory for weights costs the others time.
+kernels::PieceStatistics LeafEvaluator::statistics_by_rays(const PivotPlane& plane,
+                                                           std::size_t leaf) const {
+  const GroundTree::Leaf& l = tree_.leaves()[leaf];
+  const std::size_t b = l.begin, n = l.padded_end - b;
+  const float* const known = &s_.w[b];
   alignas(32) float rays[64];
-  if (noise_.stated.kind == NoiseKind::kRays) {
-    std::copy(w, w + n, rays);
-    noise_.noise.weigh(plane.n, plane.d, n, &s_.x[b], &s_.y[b], &s_.z[b], &s_.sigma[b], nullptr,
-                       rays);
-    w = rays;
-  }
-  return kernels::piece_statistics({&s_.x[b], &s_.y[b], &s_.z[b], w, n}, plane.as_float(),
+  std::copy(known, known + n, rays);
+  noise_.noise.weigh(plane.n, plane.d, n, &s_.x[b], &s_.y[b], &s_.z[b], &s_.sigma[b], nullptr,
+                     rays);
+  return kernels::piece_statistics({&s_.x[b], &s_.y[b], &s_.z[b], rays, n}, plane.as_float(),
                                    static_cast<float>(kLeafLimit));
 }
 

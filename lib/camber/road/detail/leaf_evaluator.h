@@ -56,6 +56,9 @@ class LeafEvaluator {
   }
 
  private:
+  plane_kernels::PieceStatistics statistics_by_rays(const PivotPlane& plane,
+                                                    std::size_t leaf) const;
+
   const GroundTree& tree_;
   const SegmentationOptions& options_;
   const SegmentationNoise& noise_;

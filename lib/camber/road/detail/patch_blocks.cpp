@@ -3,14 +3,12 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
-#include <iterator>
 #include <limits>
 #include <map>
 #include <mutex>
 #include <tuple>
 #include <unordered_map>
 
-#include "camber/core/radix_sort.h"
 #include "camber/core/threads.h"
 #include "camber/road/unmodelled.h"
 
@@ -35,14 +33,20 @@ constexpr std::size_t kMostBeside = 8192;                    // points beside a 
 using Steps = std::array<std::int64_t, 3>;
 using Place = std::pair<std::int64_t, std::int64_t>;  // row, column
 
+/// std::floor() of what an integer holds; a call of the mathematical library on old processors.
+std::int64_t floor_of(double value) {
+  const auto whole = static_cast<std::int64_t>(value);
+  return whole - (static_cast<double>(whole) > value ? 1 : 0);
+}
+
 /// By whole millimetres: surveys are made of these, and a float's last bit turns none over.
 bool steps_of(const RoadCloud& cloud, std::size_t i, Steps* out) {
   for (std::size_t a = 0; a < 3; ++a) {
     const auto axis = static_cast<Eigen::Index>(a);
     const double value = cloud.origin[axis] + static_cast<double>(cloud.points[i][axis]);
     if (!(std::abs(value) < 1e12)) return false;
-    (*out)[a] = static_cast<std::int64_t>(
-        std::floor(std::floor(value * 1000.0 + 0.5) * (kSteps / 1000.0) + 0.5));
+    const auto millimetres = static_cast<double>(floor_of(value * 1000.0 + 0.5));
+    (*out)[a] = floor_of(millimetres * (kSteps / 1000.0) + 0.5);
   }
   return true;
 }
@@ -102,47 +106,83 @@ PointLists sort_into_blocks(const RoadCloud& cloud) {
   return out;
 }
 
+/// A point of a block by its place: y, x and height above the block's zero are the code's bits.
+struct CodedPoint {
+  std::uint64_t code;
+  std::uint32_t index;
+};
+constexpr int kPlanBits = 18, kHeightBits = 24;
+static_assert(kSide + 2 * kHalo <= std::int64_t{1} << kPlanBits);
+static_assert(kMostHeight == std::int64_t{1} << kHeightBits);
+
+/// By code, then index: points that lie alike are in one of a few lines of y, which are nearly all
+/// of some ten points.
+void sort_by_place(std::vector<CodedPoint>* points) {
+  constexpr int kShift = kPlanBits + kHeightBits + 2;  // lines of 4 steps
+  const auto line = [](const CodedPoint& p) { return static_cast<std::size_t>(p.code >> kShift); };
+  std::vector<std::uint32_t> starts((std::size_t{1} << (kPlanBits - 2)) + 1, 0);
+  for (const CodedPoint& p : *points) ++starts[line(p) + 1];
+  for (std::size_t k = 1; k < starts.size(); ++k) starts[k] += starts[k - 1];
+  std::vector<CodedPoint> sorted(points->size());
+  for (const CodedPoint& p : *points) sorted[starts[line(p)]++] = p;
+  // The starts are now the ends.
+  std::size_t begin = 0;
+  for (const std::uint32_t end : starts) {
+    if (end > begin + 1) {
+      std::sort(sorted.begin() + static_cast<std::ptrdiff_t>(begin),
+                sorted.begin() + static_cast<std::ptrdiff_t>(end),
+                [](const CodedPoint& l, const CodedPoint& r) {
+                  return l.code < r.code || (l.code == r.code && l.index < r.index);
+                });
+    }
+    begin = std::max<std::size_t>(begin, end);
+  }
+  points->swap(sorted);
+}
+
 /// The block's points and those around it, but for what lies far above the lowest (of nothing on
 /// Earth), by y, x, height. @param height  out: steps, a multiple of a block's side below all
 std::vector<BlockPoint> gather(const RoadCloud& cloud, const PointList& list, const Place& place,
                                std::int64_t* height) {
-  std::vector<std::uint32_t> rows;
-  rows.reserve(list.own.size() + list.around.size());
-  std::merge(list.own.begin(), list.own.end(), list.around.begin(), list.around.end(),
-             std::back_inserter(rows));
-  std::vector<BlockPoint> points;
-  points.reserve(rows.size());
+  struct Found {
+    std::uint64_t plan;
+    std::int64_t z;
+  };
+  const std::size_t count = list.own.size() + list.around.size();
+  std::vector<Found> found;
+  found.reserve(count);
   std::int64_t lowest = std::numeric_limits<std::int64_t>::max();
-  for (const std::uint32_t i : rows) {
-    Steps s{};
-    steps_of(cloud, i, &s);
-    points.push_back({static_cast<std::int32_t>(s[0] - place.second * kSide),
-                      static_cast<std::int32_t>(s[1] - place.first * kSide), s[2], i});
-    lowest = std::min(lowest, s[2]);
+  for (const std::vector<std::uint32_t>* const rows : {&list.own, &list.around}) {
+    for (const std::uint32_t i : *rows) {
+      Steps s{};
+      steps_of(cloud, i, &s);
+      found.push_back({static_cast<std::uint64_t>(s[1] - place.first * kSide + kHalo) << kPlanBits |
+                           static_cast<std::uint64_t>(s[0] - place.second * kSide + kHalo),
+                       s[2]});
+      lowest = std::min(lowest, s[2]);
+    }
   }
   *height = block_of(lowest) * kSide;
-  struct Item {
-    std::uint64_t code;
-    std::uint32_t at;
-  };
-  constexpr int kPlanBits = 18, kHeightBits = 24;
-  static_assert(kSide + 2 * kHalo <= std::int64_t{1} << kPlanBits);
-  static_assert(kMostHeight == std::int64_t{1} << kHeightBits);
-  std::vector<Item> items;
-  items.reserve(points.size());
-  for (std::size_t k = 0; k < points.size(); ++k) {
-    const BlockPoint& p = points[k];
-    if (p.z - *height >= kMostHeight) continue;
-    items.push_back({(static_cast<std::uint64_t>(p.y + kHalo) << kPlanBits |
-                      static_cast<std::uint64_t>(p.x + kHalo))
-                             << kHeightBits |
-                         static_cast<std::uint64_t>(p.z - *height),
-                     static_cast<std::uint32_t>(k)});
+  std::vector<CodedPoint> points;
+  points.reserve(count);
+  for (std::size_t k = 0; k < count; ++k) {
+    if (found[k].z - *height >= kMostHeight) continue;
+    points.push_back(
+        {found[k].plan << kHeightBits | static_cast<std::uint64_t>(found[k].z - *height),
+         k < list.own.size() ? list.own[k] : list.around[k - list.own.size()]});
   }
-  radix_sort(&items, 2 * kPlanBits + kHeightBits);
+  sort_by_place(&points);
   std::vector<BlockPoint> out;
-  out.reserve(items.size());
-  for (const Item& item : items) out.push_back(points[item.at]);
+  out.reserve(points.size());
+  constexpr std::uint64_t kPlan = (std::uint64_t{1} << kPlanBits) - 1,
+                          kHeight = (std::uint64_t{1} << kHeightBits) - 1;
+  for (const CodedPoint& p : points) {
+    out.push_back({static_cast<std::int32_t>(
+                       static_cast<std::int64_t>(p.code >> kHeightBits & kPlan) - kHalo),
+                   static_cast<std::int32_t>(
+                       static_cast<std::int64_t>(p.code >> (kHeightBits + kPlanBits)) - kHalo),
+                   *height + static_cast<std::int64_t>(p.code & kHeight), p.index});
+  }
   return out;
 }
 
@@ -189,6 +229,9 @@ RoadCloud cloud_of(const RoadCloud& cloud, const std::vector<BlockPoint>& points
   out.frame = cloud.frame;
   out.metric = true;
   constexpr float kStep = 1.0f / 1024.0f;
+  out.points.reserve(points.size());
+  if (!cloud.sigmas.empty()) out.sigmas.reserve(points.size());
+  if (!cloud.covariances.empty()) out.covariances.reserve(points.size());
   for (const BlockPoint& p : points) {
     out.points.emplace_back(static_cast<float>(p.x) * kStep, static_cast<float>(p.y) * kStep,
                             static_cast<float>(p.z - height) * kStep);
@@ -211,6 +254,7 @@ PatchBlock fit_block(const RoadCloud& cloud, const PointList& list, const Place&
   CloudPart part;
   part.most_points = kMostBlockPoints;
   part.box = Eigen::AlignedBox2d(Vector2d::Zero(), Vector2d::Constant(kBlockSide));
+  part.own.reserve(points.size());
   for (const BlockPoint& p : points) {
     part.own.push_back(p.x >= 0 && p.x < kSide && p.y >= 0 && p.y < kSide ? 1 : 0);
   }

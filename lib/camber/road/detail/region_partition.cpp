@@ -277,19 +277,18 @@ std::optional<PivotPlane> RegionPartition::common_plane(std::size_t a, std::size
   both.insert(both.end(), members_[b].begin(), members_[b].end());
   PivotPlane plane = members_[a].size() >= members_[b].size() ? planes_[a] : planes_[b];
   if (!evaluator_.refit(both, 3, &plane)) return std::nullopt;
-  const double apart = costs[a] + costs[b];
+  const double apart = costs[a] + costs[b], points = evaluator_.points(both);
+  const double more = quieter(apart, points), allowed = allowed_misfit(points);
+  const std::size_t refused = both.size() - both.size() * 95 / 100;  // leaves, at most
   double together = 0.0;
-  std::size_t accepted = 0;
+  std::size_t off = 0;
   for (const int leaf : both) {
     const auto l = static_cast<std::size_t>(leaf);
     const kernels::PieceStatistics stats = evaluator_.statistics(plane, l);
     together += static_cast<double>(stats.cost);
-    accepted += evaluator_.accepts(stats, l) ? 1 : 0;
-  }
-  const double points = evaluator_.points(both);
-  if ((together - apart) * quieter(apart, points) > allowed_misfit(points) ||
-      accepted < both.size() * 95 / 100) {
-    return std::nullopt;
+    off += evaluator_.accepts(stats, l) ? 0 : 1;
+    // No leaf costs less than nothing.
+    if ((together - apart) * more > allowed || off > refused) return std::nullopt;
   }
   return plane;
 }

@@ -1,6 +1,8 @@
 #pragma once
 
 #include <optional>
+#include <string>
+#include <vector>
 
 #include "camber/cloud/las_file.h"
 #include "camber/cloud/plan_bounds.h"
@@ -21,9 +23,15 @@ struct CopcQuery {
 /// Whether a file has the record of one.
 bool is_copc(const LasFile& las);
 
-/// Leaves those nodes in the file's `laz` that a query asks for, in the order of the file, reading
-/// no more of the index than that takes. Points of a node may lie outside of the bounds.
-/// @throws InputError where the index is damaged
-void select_nodes(LasFile* las, const CopcQuery& query);
+/// Leaves those nodes in the file's `laz` that a query asks for, in the order of the file. The
+/// index is read whole: each chunk must have an entry. Points of a node may lie outside of the
+/// bounds.
+/// @param lenient  what is damaged is passed over and a note says what is missing; chunks without
+/// an
+///                 entry are kept where bounds alone are asked for
+/// @throws InputError where the index is damaged; leniently where levels are asked for and it names
+///         no chunk
+void select_nodes(LasFile* las, const CopcQuery& query, bool lenient,
+                  std::vector<std::string>* notes);
 
 }  // namespace camber::laz
