@@ -203,7 +203,7 @@ CameraSource epipolar_source(const DriveCalibration& c, bool given_prior) {
 std::optional<CameraSource> metres_source(const std::vector<WindowBundle>& windows,
                                           const MetresAlong& metres, double log_focal) {
   const auto height = estimate_height(windows, metres, 0.0);
-  if (!height || !(height->value > 0.0)) return std::nullopt;
+  if (!height || !(height->value > 0.0) || !(height->sigma > 0.0)) return std::nullopt;
   CameraSource out;
   out.name = metres.by_positions ? "positions" : "speeds";
   out.phrase = fmt::format("the {} of the frames", out.name);

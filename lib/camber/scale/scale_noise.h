@@ -131,7 +131,7 @@ struct ScaleNoise {
   /// Of the camera's height, the plane's under a vehicle that says itself how far it is (assumed:
   /// open).
   double free_ground_share = 0.5;
-  double window_road_tilt = 0.02;  ///< rad, of a window's plane under a vehicle (assumed)
+  double window_road_tilt = 0.01;  ///< rad, of a window's plane under a vehicle (assumed)
   /// Of the logarithm, lengths of one view's broken lines on a plane by the window's points
   /// (assumed; the spread over the views takes its place where it is more).
   double dashes_of_a_view = 0.03;

@@ -103,8 +103,12 @@ FocalLengthProfile focal_length_profile(const PinholeCamera& camera,
     const bool answered = std::isfinite(fit.keypoint_cost) && fit.covariance.allFinite();
     out.costs.push_back(fit.keypoint_cost);
     out.heights.push_back(answered ? -up.dot(fit.pose.bottom_center()) : kNone);
-    out.height_sigmas.push_back(
-        answered ? std::sqrt(up.dot(fit.covariance.topLeftCorner<3, 3>() * up)) : kNone);
+    // How the plane leans moves its foot below the camera.
+    Eigen::RowVector3d by_tilt = plane.plane.height_jacobian(Eigen::Vector3d::Zero());
+    by_tilt(2) = 0.0;
+    const double variance = up.dot(fit.covariance.topLeftCorner<3, 3>() * up) +
+                            by_tilt.dot(by_tilt * plane.plane.covariance);
+    out.height_sigmas.push_back(answered ? std::sqrt(variance) : kNone);
     out.depths.push_back(answered ? fit.pose.center().z() : kNone);
   }
   return out;
