@@ -159,6 +159,31 @@ TEST(Trajectory, OutvotesWindowsThatTookAnotherRoad) {
   }
 }
 
+TEST(Trajectory, AFrameThatIsNotFoundSpoilsNoWindow) {
+  // Where a texture repeats, every second window has lost one of its outer frames, and those
+  // between all of them but the reference.
+  MadeWindows made = make_windows(40, 11);
+  for (std::size_t r = 18; r < 25; ++r) {
+    WindowMeasurement& w = made.windows[r];
+    for (std::size_t i = 0; i < w.frames.size(); ++i) {
+      const bool outer = i == (r % 4 < 2 ? 0 : w.frames.size() - 1);
+      if (w.frames[i] == w.reference || (r % 2 == 0 && !outer)) continue;
+      SE3& pose = w.frame_from_reference[i];
+      const double side = r % 3 == 0 ? -0.3 : 0.3;
+      pose.set_translation(0.4 * pose.translation() + Eigen::Vector3d(side, 0.2, 0.0));
+    }
+  }
+  const Trajectory found = smooth_trajectory(made.ids, made.windows, independent());
+  for (std::size_t k = 16; k < 27; ++k) {
+    const SE3 step =
+        found.poses[k].world_from_camera.inverse() * found.poses[k + 1].world_from_camera;
+    const SE3 truth = made.truth[k].inverse() * made.truth[k + 1];
+    // Two windows of 0.3 % of 2 m and 2 % of the length.
+    EXPECT_LT((step.translation() - truth.translation()).head<2>().norm(), 0.02) << k;
+    EXPECT_NEAR(step.translation().z(), 1.0, 0.04) << k;
+  }
+}
+
 TEST(Trajectory, KeepsWhatAllWindowsShareApart) {
   const MadeWindows made = make_windows(200, 3);
   const Trajectory found = smooth_trajectory(made.ids, made.windows);

@@ -3,12 +3,10 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <numeric>
 #include <optional>
 #include <set>
 
-#include "camber/drive/detail/moving_path.h"
 #include "camber/drive/detail/track_rejection.h"
 
 namespace camber {
@@ -65,20 +63,6 @@ constexpr double kOwnRange = 0.04;        // relative, of one view beside what i
 constexpr double kSizeSigma = 0.08;       // relative, of what the size does to all distances
 constexpr double kViewsAlike = 5.0;       // neighbouring windows share their errors
 constexpr double kSpeedSigma = 15.0;      // m/s, of vehicles that move
-
-/// How well a view knows direction (slopes) and distance (relative, by its covariance).
-struct RangeSigma {
-  double direction = 0.0, own = 0.0;
-};
-
-RangeSigma sigma_of(const Seen& view) {
-  constexpr double kUnknown = 0.1;
-  const double range = view.measured().norm();
-  const Eigen::Vector3d ray = view.measured() / range;
-  const double along = ray.dot(view.vehicle->covariance.topLeftCorner<3, 3>() * ray);
-  return {std::hypot(kBoxSigma, kDirectionSigma / range),
-          along > 0.0 ? std::sqrt(along) / range : kUnknown};
-}
 
 /// Where a vehicle is by all its views: directions, which the pictures show, and distances, which
 /// hang on its size and share a factor. Views from several places measure the factor by the way
@@ -139,12 +123,16 @@ class PathFit {
     if (size_ == 7) place += (view.time - mean_time_) * at.tail<3>();
     const Eigen::Vector3d here = view.world_from_camera.inverse() * place;
     const Eigen::Vector3d measured = view.measured();
-    const RangeSigma sigma = sigma_of(view);
+    const double range = measured.norm();
+    const Eigen::Vector3d ray = measured / range;
+    const Eigen::Matrix3d covariance = view.vehicle->covariance.topLeftCorner<3, 3>();
+    const double along = ray.dot(covariance * ray);
+    const double own = along > 0.0 ? std::sqrt(along) / range : 0.1;
+    const double direction = std::hypot(kBoxSigma, kDirectionSigma / range);
     if (!(here.z() > 0.1)) return Eigen::Vector3d::Constant(50.0);
-    return {(here.x() / here.z() - measured.x() / measured.z()) / sigma.direction,
-            (here.y() / here.z() - measured.y() / measured.z()) / sigma.direction,
-            (std::log(here.norm()) - std::log(measured.norm()) + at[3]) /
-                std::hypot(sigma.own, kOwnRange)};
+    return {(here.x() / here.z() - measured.x() / measured.z()) / direction,
+            (here.y() / here.z() - measured.y() / measured.z()) / direction,
+            (std::log(here.norm()) - std::log(range) + at[3]) / std::hypot(own, kOwnRange)};
   }
 
   void linearise(const Eigen::VectorXd& at, Eigen::MatrixXd* normal, Eigen::VectorXd* right) {
@@ -194,33 +182,6 @@ std::optional<Path> parked_place(const std::vector<Seen>& seen) {
 /// Whether a view says where its vehicle is.
 bool is_placed(const Seen& view) {
   return view.vehicle->status != Status::kNotObservable && view.vehicle->status != Status::kFailed;
-}
-
-/// The place of the vehicle of each view, where it moves; nothing where its views do not show that.
-std::optional<std::vector<internal::MovingPlace>> moving_places(const std::vector<Seen>& seen) {
-  std::vector<internal::MovingView> views;
-  double shared = std::numeric_limits<double>::infinity();  // relative, of all distances
-  for (const Seen& view : seen) {
-    internal::MovingView one;
-    one.time_s = view.time;
-    one.world_from_camera = view.world_from_camera;
-    one.place = view.measured();
-    one.measured = is_placed(view);
-    const RangeSigma sigma = sigma_of(view);
-    one.direction_sigma = sigma.direction;
-    one.range_sigma = std::hypot(sigma.own, kOwnRange);
-    if (one.measured) shared = std::min(shared, sigma.own);
-    views.push_back(one);
-  }
-  auto out = internal::moving_path(views);
-  if (!out) return out;
-  // What the best view leaves open of the size is left in all of them.
-  for (std::size_t k = 0; k < out->size(); ++k) {
-    const Eigen::Vector3d way =
-        shared * ((*out)[k].position - seen[k].world_from_camera.translation());
-    (*out)[k].covariance += way * way.transpose();
-  }
-  return out;
 }
 
 /// How high a place is above the ground of a view.
@@ -309,22 +270,6 @@ Eigen::Quaterniond mean_rotation(const std::vector<Seen>& seen) {
   return Eigen::Quaterniond(out);
 }
 
-/// Puts an estimate to a place in the world.
-/// @param covariance  m^2, of that
-void move_to(const SE3& world_from_camera, const SE3& world_from_vehicle,
-             const Eigen::Matrix3d& covariance, const Dimensions& dimensions, VehicleEstimate* v) {
-  const SE3 moved = world_from_camera.inverse() * world_from_vehicle;
-  const SE3 before = v->pose.camera_from_vehicle;
-  for (Eigen::Vector3d& k : v->keypoints) k = moved * (before.inverse() * k);
-  v->pose.camera_from_vehicle = moved;
-  v->pose.dimensions = dimensions;
-  const Eigen::Matrix3d turn = world_from_camera.rotation_matrix().transpose();
-  v->covariance.topLeftCorner<3, 3>() = turn * covariance * turn.transpose();
-  v->covariance.block<3, 6>(0, 3).setZero();
-  v->covariance.block<6, 3>(3, 0).setZero();
-  v->plane = Plane::through(moved.translation(), v->plane.normal);
-}
-
 }  // namespace
 
 std::size_t DriveTracks::num_rejected() const {
@@ -377,17 +322,22 @@ DriveTracks join_tracks(const std::vector<WindowMeasurement>& windows, const Tra
       track.rejected = internal::why_no_vehicle(evidence_of(track, seen, parked, trajectory.metric),
                                                 prior ? *prior : shipped_vehicle_prior());
     }
-    const auto moving = track.parked || !trajectory.metric ? std::nullopt : moving_places(seen);
-    for (std::size_t k = 0; k < seen.size(); ++k) {
-      const Seen& view = seen[k];
+    for (const Seen& view : seen) {
       VehicleEstimate v = *view.vehicle;
       v.track = track.id;
       SE3 world_from_vehicle = view.world_from_camera * v.pose.camera_from_vehicle;
-      if (parked || moving) {
-        world_from_vehicle = parked ? SE3(heading, parked->position)
-                                    : SE3(world_from_vehicle.rotation(), (*moving)[k].position);
-        move_to(view.world_from_camera, world_from_vehicle,
-                parked ? track.covariance : (*moving)[k].covariance, track.dimensions, &v);
+      if (parked) {
+        world_from_vehicle = SE3(heading, parked->position);
+        const SE3 moved = view.world_from_camera.inverse() * world_from_vehicle;
+        const SE3 before = v.pose.camera_from_vehicle;
+        for (Eigen::Vector3d& k : v.keypoints) k = moved * (before.inverse() * k);
+        v.pose.camera_from_vehicle = moved;
+        v.pose.dimensions = track.dimensions;
+        const Eigen::Matrix3d turn = view.world_from_camera.rotation_matrix().transpose();
+        v.covariance.topLeftCorner<3, 3>() = turn * track.covariance * turn.transpose();
+        v.covariance.block<3, 6>(0, 3).setZero();
+        v.covariance.block<6, 3>(3, 0).setZero();
+        v.plane = Plane::through(moved.translation(), v.plane.normal);
       }
       if (!track.rejected.empty()) {
         v.status = Status::kFailed;

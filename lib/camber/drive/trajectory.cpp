@@ -325,6 +325,20 @@ class Smoother {
     }
   }
 
+  /// Frames of a window that were not found (an outer one where a texture repeats) say nothing,
+  /// while the others are as good as ever: each has its own weight.
+  Eigen::MatrixXd robust_covariance(const Measurement& m, const Eigen::VectorXd& residual) const {
+    Eigen::MatrixXd out = m.covariance;
+    for (Eigen::Index row = 0; row < residual.size(); row += kPose) {
+      const Eigen::Matrix<double, 6, 6> own = m.covariance.block<6, 6>(row, row);
+      const Eigen::Matrix<double, 6, 1> off = residual.segment<6>(row);
+      const double weight = student_weight(off.dot(own.ldlt().solve(off)),
+                                           static_cast<double>(kPose), noise_.motion_freedom);
+      if (weight < 1.0) out.block<6, 6>(row, row) += (1.0 / weight - 1.0) * own;
+    }
+    return out;
+  }
+
   void add(const Measurement& m, bool robust) {
     const auto others = static_cast<Eigen::Index>(m.at.size() - 1);
     const auto frames = static_cast<Eigen::Index>(m.at.size());
@@ -345,12 +359,9 @@ class Smoother {
       by.block<6, 1>(row, kBlock * r + kPose) = d.col(12);
       row += kPose;
     }
-    const double squared = residual.dot(m.information * residual);
-    const double weight =
-        robust ? std::min(1.0, student_weight(squared, static_cast<double>(residual.size()),
-                                              noise_.motion_freedom))
-               : 1.0;
-    const Eigen::MatrixXd weighted = weight * (m.information * by);
+    const Eigen::MatrixXd weighted =
+        robust ? Eigen::MatrixXd(robust_covariance(m, residual).ldlt().solve(by))
+               : Eigen::MatrixXd(m.information * by);
     const Eigen::MatrixXd own = by.transpose() * weighted;
     const Eigen::VectorXd down = -(weighted.transpose() * residual);
     for (Eigen::Index a = 0; a < frames; ++a) {

@@ -90,6 +90,7 @@ std::vector<Measurement> measurements_of(const std::vector<int>& ids,
     }
     m.information =
         covariance.ldlt().solve(Eigen::MatrixXd::Identity(covariance.rows(), covariance.cols()));
+    m.covariance = std::move(covariance);
     out.push_back(std::move(m));
   }
   choose_votes(noise, &out);

@@ -16,7 +16,8 @@ struct Measurement {
   double alike = 1.0;  // windows whose error is this one's, each by its correlation; itself 1
   std::vector<std::size_t> at;  // of its frames
   std::size_t reference = 0;    // index into the window's frames
-  Eigen::MatrixXd information;  // of its relative poses, baselines
+  Eigen::MatrixXd covariance;   // of its relative poses, baselines
+  Eigen::MatrixXd information;  // its inverse
 
   std::size_t place() const { return at[reference]; }
 };
