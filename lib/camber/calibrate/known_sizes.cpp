@@ -240,7 +240,7 @@ std::optional<Proportions> proportions_of(const std::vector<VehicleMeasurement>&
 }
 
 CameraSource source_of(const Proportions& proportions, const CameraSoFar& so_far,
-                       const ScaleNoise& noise) {
+                       const KnownSizesNoise& noise) {
   CameraSource out;
   out.name = "vehicle_proportions";
   out.phrase = fmt::format("proportions of {} vehicles", proportions.vehicles);
@@ -283,7 +283,7 @@ WeightedMean weighted_mean(const std::vector<double>& values, const std::vector<
 
 /// @param log_focal  with which the heights are measured.
 std::optional<CameraSource> by_sizes(const std::vector<VehicleMeasurement>& vehicles,
-                                     double log_focal, const ScaleNoise& noise) {
+                                     double log_focal, const KnownSizesNoise& noise) {
   std::vector<double> heights, sigmas, slopes;
   for (const VehicleMeasurement& vehicle : vehicles) {
     if (!std::isfinite(vehicle.log_height) || !(vehicle.sigma > 0.0)) continue;
@@ -299,7 +299,7 @@ std::optional<CameraSource> by_sizes(const std::vector<VehicleMeasurement>& vehi
   out.by_height = 1.0;
   out.by_focal = -upper_median(&slopes);
   out.value = mean.value + out.by_focal * log_focal;
-  out.common = noise.compared_population;
+  out.common = noise.sizes_common;
   out.sigma = std::hypot(mean.sigma, out.common);
   return out;
 }
@@ -451,7 +451,7 @@ std::vector<CameraSource> vehicle_sources(const Scene& scene, const std::vector<
                                           const KnownSizesOptions& options) {
   options.validate();
   std::vector<SeenVehicle> seen = largest_vehicles(scene, views, so_far, options.most_vehicles);
-  const ScaleNoise noise;
+  const KnownSizesNoise& noise = options.noise;
   SupportOptions support;
   // The vehicle's own size says how far it is: the plane only how it stands.
   support.given_sigma_height = noise.free_ground_share * std::exp(so_far.log_height);
@@ -523,13 +523,14 @@ std::vector<CameraSource> marking_sources(const Scene& scene, const std::vector<
     if (coarse[c].strokes > coarse[best].strokes) best = c;
   }
   const ScaleNoise noise;
-  const auto about = mean_of_views(coarse[best].log_periods, noise.dashes_of_a_view);
+  const double of_a_view = options.noise.dashes_of_a_view;
+  const auto about = mean_of_views(coarse[best].log_periods, of_a_view);
   if (!about) return {};
   // Again with what was found: none of the lines is then at the end of what is looked for.
   Candidate at = candidates[best];
   (so_far.focal_sigma > so_far.height_sigma ? at.focal : at.height) -= about->value;
   const BrokenLinesOfDrive lines = look(views, {at}).front();
-  const auto periods = mean_of_views(lines.log_periods, noise.dashes_of_a_view);
+  const auto periods = mean_of_views(lines.log_periods, of_a_view);
   if (!periods) return {};
   std::vector<CameraSource> out(1);
   CameraSource& dashes = out.front();
@@ -539,7 +540,7 @@ std::vector<CameraSource> marking_sources(const Scene& scene, const std::vector<
   dashes.value = so_far.log_focal + at.focal + so_far.log_height + at.height - periods->value;
   dashes.common = noise.painted_size;
   dashes.sigma = std::hypot(periods->sigma, dashes.common);
-  if (const auto widths = mean_of_views(lines.log_widths, noise.dashes_of_a_view)) {
+  if (const auto widths = mean_of_views(lines.log_widths, of_a_view)) {
     CameraSource lanes;
     lanes.name = "lane_widths";
     lanes.phrase = fmt::format("lane widths in {} frames", lines.log_widths.size());

@@ -26,7 +26,29 @@ struct RoadView {
 std::vector<RoadView> road_views(const std::vector<WindowBundle>& windows,
                                  const std::vector<int>& key_ids, std::size_t most);
 
+/// What is not known of known sizes. "Assumed": by nothing measured.
+struct KnownSizesNoise {
+  /// Of the focal length by vehicles' proportions over what their likelihood states: the three
+  /// largest of focal_length_gate's 564 (ScaleNoise) over those of as many normal draws.
+  double proportions_spread = 1.2;
+  /// Relative, what all vehicles of a drive have in common of it: the prior of shapes, the
+  /// keypoints' own bias (assumed).
+  double proportions_common = 0.03;
+  /// Relative, what they have in common of the height by their sizes (seven made drives, boxes and
+  /// keypoints of the shipped networks: 13, 17, 1, 1, 1 and 19 % too large in the six that had
+  /// any).
+  double sizes_common = 0.1;
+  /// Of the camera's height, the plane's under a vehicle that says itself how far it is (assumed:
+  /// open).
+  double free_ground_share = 0.5;
+  double window_road_tilt = 0.01;  ///< rad, of a window's plane under a vehicle (assumed)
+  /// Of the logarithm, lengths of one view's broken lines on a plane by the window's points
+  /// (assumed; the spread over the views takes its place where it is more).
+  double dashes_of_a_view = 0.03;
+};
+
 struct KnownSizesOptions {
+  KnownSizesNoise noise;
   std::size_t most_views = 16;     ///< frames that are looked at, >= 1
   std::size_t most_vehicles = 32;  ///< those that are largest in the image, >= 1
   VehicleFitOptions fit;

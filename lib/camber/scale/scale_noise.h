@@ -120,21 +120,6 @@ struct ScaleNoise {
   /// other sizes (rendered roads, even numbers: of right ones at most 1.5 in 43 runs, of the
   /// three wrong ones 9.1, 2.2 and less).
   double vehicles_against_dashes = 2.0;
-
-  // A drive that calibrates its camera by what has known sizes (calibrate/known_sizes.h).
-  /// Of the focal length by vehicles' proportions over what their likelihood states: the three
-  /// largest of focal_length_gate's 564 over those of as many normal draws.
-  double proportions_spread = 1.2;
-  /// Relative, what all vehicles of a drive have in common of it: the prior of shapes, the
-  /// keypoints' own bias (assumed).
-  double proportions_common = 0.03;
-  /// Of the camera's height, the plane's under a vehicle that says itself how far it is (assumed:
-  /// open).
-  double free_ground_share = 0.5;
-  double window_road_tilt = 0.01;  ///< rad, of a window's plane under a vehicle (assumed)
-  /// Of the logarithm, lengths of one view's broken lines on a plane by the window's points
-  /// (assumed; the spread over the views takes its place where it is more).
-  double dashes_of_a_view = 0.03;
 };
 
 }  // namespace camber
