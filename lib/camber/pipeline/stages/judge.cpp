@@ -377,7 +377,9 @@ JudgedRoad judge(const ScaledRoad& scaled, const std::optional<RoadLayer>& layer
     sigma = std::sqrt(ego.covariance(2, 2)) / ego.plane.offset;
   }
   std::string without_metres = scaled.without_metres;
-  if (out.metric && layer && layer->repeated && sigma > noise.metric_limit) {
+  // What contradicts the camera is no doubt about the road.
+  const double of_road = sigma * sigma - out.common_contradiction_variance;
+  if (out.metric && layer && layer->repeated && of_road > std::pow(noise.metric_limit, 2)) {
     out.metric = false;
     without_metres = fmt::format(
         "the pictures repeat the asphalt, as films do, which would leave the scale known to {:.0f} "
