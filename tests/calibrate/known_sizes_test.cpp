@@ -218,7 +218,7 @@ TEST(KnownSizes, BrokenLinesGiveFocalLengthAndHeight) {
       ASSERT_NE(dashes, nullptr) << focal_wrong_by << " " << height_wrong_by;
       const double truth = std::log(PaintedRoad::kFocal) + std::log(PaintedRoad::kHeight);
       EXPECT_NEAR(dashes->value, truth, 3.0 * dashes->sigma) << focal_wrong_by;
-      EXPECT_LT(dashes->sigma, 0.05);
+      EXPECT_LT(std::pow(dashes->sigma, 2) - std::pow(dashes->common, 2), 0.05 * 0.05);
       const CameraSource* lanes = named(sources, "lane_widths");
       ASSERT_NE(lanes, nullptr) << focal_wrong_by << " " << height_wrong_by;
       EXPECT_NEAR(lanes->value, std::log(PaintedRoad::kHeight), 3.0 * lanes->sigma);

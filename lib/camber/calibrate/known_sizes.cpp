@@ -538,7 +538,7 @@ std::vector<CameraSource> marking_sources(const Scene& scene, const std::vector<
   dashes.phrase = fmt::format("broken lines of {} frames", lines.log_periods.size());
   dashes.by_focal = dashes.by_height = 1.0;
   dashes.value = so_far.log_focal + at.focal + so_far.log_height + at.height - periods->value;
-  dashes.common = noise.painted_size;
+  dashes.common = options.noise.dashes_common;
   dashes.sigma = std::hypot(periods->sigma, dashes.common);
   if (const auto widths = mean_of_views(lines.log_widths, of_a_view)) {
     CameraSource lanes;
