@@ -76,7 +76,7 @@ TrackedDrive track_drive(const Scene& scene, const std::vector<int>& frame_ids,
                          const CalibrateOptions& options, const FramePixelSource& pixels = {},
                          const Progress& progress = {});
 
-/// What one source of the joint says of the height, the focal length being the joint's.
+/// The height as one source of the joint measures it, with the joint's focal length.
 /// @return nothing where there is none of that name that was accepted.
 std::optional<MountingNumber> height_by(const DriveCalibration& calibration,
                                         const std::string& source);

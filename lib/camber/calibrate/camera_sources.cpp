@@ -114,7 +114,7 @@ CameraJoint join_sources(std::vector<CameraSource>* sources) {
     const Eigen::Vector2d row = row_of(all[i]);
     const double variance = row.dot(out.covariance * row);
     const double difference = all[i].value - row.dot(out.value);
-    // A second opinion among those kept, that tells the difference from none?
+    // Known well enough to show the difference, whichever accepted source is left out?
     double second = 0.0;
     for (std::size_t k = 0; k < all.size(); ++k) {
       if (!all[k].accepted) continue;

@@ -37,8 +37,9 @@ CameraSource height_of_cars();
 /// Joins sources that know nothing of each other by their information. Each is compared with all
 /// others first: beyond three standard deviations the one that is farthest off is left out (of two
 /// alike the later one), then the next. Where one is left out and of those kept a single one knows
-/// what it measures, none can say which of the two is right: that is known as much worse as they
-/// are apart (Birge, "The calculation of errors by the method of least squares", Phys. Rev. 1932).
+/// what it measures, which of the two is right is not known: the variance is widened by
+/// their difference (Birge, "The calculation of errors by the method of least squares", Phys. Rev.
+/// 1932).
 /// @param sources  together they determine both; residuals, acceptance and reasons are written.
 /// @throws std::invalid_argument where they do not, or for a sigma that is not positive.
 CameraJoint join_sources(std::vector<CameraSource>* sources);

@@ -453,7 +453,7 @@ std::vector<CameraSource> vehicle_sources(const Scene& scene, const std::vector<
   std::vector<SeenVehicle> seen = largest_vehicles(scene, views, so_far, options.most_vehicles);
   const KnownSizesNoise& noise = options.noise;
   SupportOptions support;
-  // The vehicle's own size says how far it is: the plane only how it stands.
+  // The distance is measured by the vehicle's size; the plane constrains its attitude alone.
   support.given_sigma_height = noise.free_ground_share * std::exp(so_far.log_height);
   support.given_sigma_tilt = noise.window_road_tilt;
   const std::vector<int> numbers = numbered(seen, views);
@@ -475,7 +475,7 @@ std::vector<CameraSource> vehicle_sources(const Scene& scene, const std::vector<
   std::vector<VehicleMeasurement> vehicles = measure(changes);
   std::optional<Proportions> proportions = proportions_of(vehicles, changes);
   if (proportions && proportions->best.sigma < changes[1] - changes[0]) {
-    // Losses end at a bound: about the minimum they tell more.
+    // The losses are bounded: the likelihood is sampled again about its maximum.
     constexpr double kNarrowest = 0.02;
     const double step = std::max(kNarrowest, proportions->best.sigma);
     const double about = proportions->best.at;

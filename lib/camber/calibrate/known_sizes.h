@@ -38,8 +38,8 @@ struct KnownSizesNoise {
   /// keypoints of the shipped networks: 13, 17, 1, 1, 1 and 19 % too large in the six that had
   /// any).
   double sizes_common = 0.1;
-  /// Of the camera's height, the plane's under a vehicle that says itself how far it is (assumed:
-  /// open).
+  /// Of the camera's height, standard deviation of the plane under a vehicle whose distance is
+  /// measured by its size (assumed).
   double free_ground_share = 0.5;
   double window_road_tilt = 0.01;  ///< rad, of a window's plane under a vehicle (assumed)
   /// Of the logarithm, lengths of one view's broken lines on a plane by the window's points

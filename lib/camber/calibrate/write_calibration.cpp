@@ -26,8 +26,8 @@ std::string angle_yaml(const char* name, const std::optional<MountingNumber>& an
                      kDegrees * angle->sigma);
 }
 
-/// A source with what it says of the focal length and the height, each with the other's joint
-/// value.
+/// What a source measures of the focal length and of the height, each with the joint's value of the
+/// other.
 struct ReadSource {
   std::optional<MountingNumber> focal, height;  // px, m
 };
@@ -37,7 +37,7 @@ ReadSource read_source(const CameraSource& source, const CameraJoint& joint) {
     const double value = std::exp((source.value - by_other * other) / by);
     return MountingNumber{value, value * source.sigma / std::abs(by), 0};
   };
-  constexpr double kLeast = 0.05;  // a source that hardly depends on one says nothing of it
+  constexpr double kLeast = 0.05;  // a source that hardly depends on one does not measure it
   ReadSource out;
   if (std::abs(source.by_focal) > kLeast && std::abs(source.by_focal) >= source.by_height) {
     out.focal = number(source.by_focal, source.by_height, joint.value(1));

@@ -18,6 +18,8 @@ namespace camber {
 
 namespace {
 
+using detail::cell;
+
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 constexpr double kDegrees = 180.0 / 3.14159265358979323846;
 constexpr double kEllipsoid95 = 7.814728;  // chi-square, three degrees of freedom
@@ -85,10 +87,6 @@ LocalisationRow make_row(const std::string& name, const std::vector<Placed>& veh
   row.center_within_95 = ellipsoids > 0 ? static_cast<double>(inside) / ellipsoids : kNaN;
   row.height_within_95 = intervals > 0 ? static_cast<double>(heights_inside) / intervals : kNaN;
   return row;
-}
-
-std::string cell(double value, int digits) {
-  return std::isfinite(value) ? fmt::format("{:.{}f}", value, digits) : std::string("-");
 }
 
 std::string share_cell(double value) {

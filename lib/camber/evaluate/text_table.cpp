@@ -1,10 +1,15 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 
 #include "camber/evaluate/detail/text_table.h"
 
 namespace camber::detail {
+
+std::string cell(double value, int digits) {
+  return std::isfinite(value) ? fmt::format("{:.{}f}", value, digits) : std::string("-");
+}
 
 std::string table_text(const std::vector<std::vector<std::string>>& lines, bool markdown) {
   std::string out;

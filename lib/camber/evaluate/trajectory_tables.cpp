@@ -10,15 +10,12 @@
 namespace camber {
 namespace {
 
+using detail::cell;
 using nlohmann::json;
 
 constexpr double kDegrees = 180.0 / 3.14159265358979323846;
 
 json number(double value) { return std::isfinite(value) ? json(value) : json(nullptr); }
-
-std::string cell(double value, int digits) {
-  return std::isfinite(value) ? fmt::format("{:.{}f}", value, digits) : std::string("-");
-}
 
 std::string percent(double share, int digits) { return cell(100.0 * share, digits); }
 
