@@ -91,7 +91,7 @@ double log_error(const WindowEstimate& window) {
 
 TEST(RepeatedRoad, ASeenOneIsThatOfTheMatches) {
   const WindowEstimate window = estimate(street());
-  EXPECT_FALSE(window.refined.ground.by_what_passes);
+  EXPECT_EQ(window.refined.ground.near_road, NearRoadSource::kMatches);
   EXPECT_FALSE(is_named(window.judged.warnings));
   EXPECT_LT(std::abs(log_error(window)), 2.0 * window.judged.scale.sigma);
 }
@@ -111,9 +111,12 @@ TEST(RepeatedRoad, WhatPassesIsAPlaneThatGivesTheMetres) {
   const MotionEstimate motion = stages::motion(frames, matches, {});
   const auto sweep = stages::sweep_road(frames, motion, 1);
   ASSERT_TRUE(sweep);
-  const Ground ground = stages::passing_ground(frames, matches, motion, *sweep, {});
-  EXPECT_TRUE(ground.by_what_passes);
-  EXPECT_FALSE(stages::shows_another(*sweep, ground.ego));
+  const auto found = stages::another_ground(frames, matches, motion, nullptr, sweep, false,
+                                            stages::GroundOptions());
+  ASSERT_TRUE(found);
+  const Ground& ground = *found;
+  EXPECT_EQ(ground.near_road, NearRoadSource::kPassing);
+  EXPECT_FALSE(stages::shows_another(sweep->log_baseline, ground.ego));
   const double height = kHeight / (kStep * static_cast<double>(kImages / 2));  // baselines
   EXPECT_LT(std::abs(std::log(ground.ego.height / height)), 2.0 * ground.ego.relative_sigma);
   for (const double v : {150.0, 200.0, 230.0}) {  // level, before the camera
@@ -129,7 +132,64 @@ TEST(RepeatedRoad, WhatPassesIsAPlaneThatGivesTheMetres) {
   // A ground three times as far below is another.
   EgoPlane far = ground.ego;
   far.height *= 3.0;
-  EXPECT_TRUE(stages::shows_another(*sweep, far));
+  EXPECT_TRUE(stages::shows_another(sweep->log_baseline, far));
+}
+
+/// So many times the true way between the frames by the speed.
+void give_speed(double factor, LoadedFrames* frames) {
+  frames->known.travelled.assign(frames->size() - 1, factor * kStep);
+  frames->known.travelled_sigma = {};
+  frames->known.travelled_sigma.common = 0.02 * factor * kStep * (kImages - 1);
+}
+
+TEST(RepeatedRoad, TwoOfMatchesSweepAndSpeedDecide) {
+  LoadedFrames frames = street();
+  code(40, &frames);
+  const Correspondences matches = stages::match(frames, {});
+  const MotionEstimate motion = stages::motion(frames, matches, {});
+  const auto sweep = stages::sweep_road(frames, motion, 1);
+  ASSERT_TRUE(sweep);
+  const auto another = [&](double factor, const Ground* found,
+                           const std::optional<RoadSweepResult>& by) {
+    give_speed(factor, &frames);
+    return stages::another_ground(frames, matches, motion, found, by, true,
+                                  stages::GroundOptions());
+  };
+  const auto passing = another(1.0, nullptr, sweep);
+  ASSERT_TRUE(passing);
+  EXPECT_EQ(passing->near_road, NearRoadSource::kPassing);
+  const auto by_speed = another(1.6, nullptr, sweep);
+  ASSERT_TRUE(by_speed);
+  EXPECT_EQ(by_speed->near_road, NearRoadSource::kSpeed);
+  // Whatever a wrong sweep shows: matches that the speed agrees with stay.
+  RoadSweepResult wrong = *sweep;
+  wrong.log_baseline += 0.5;
+  EXPECT_FALSE(another(1.0, &*passing, wrong));
+  Ground far = *passing;
+  far.ego.height *= 3.0;
+  const auto alone = another(1.0, &far, std::nullopt);
+  ASSERT_TRUE(alone);
+  EXPECT_EQ(alone->near_road, NearRoadSource::kSpeed);
+  frames.known.camera_height.reset();
+  EXPECT_FALSE(stages::another_ground(frames, matches, motion, &far, std::nullopt, true,
+                                      stages::GroundOptions()));
+}
+
+TEST(RepeatedRoad, ByTheSpeedAloneItHasItsMetresAndSaysSo) {
+  LoadedFrames frames = street();
+  code(40, &frames);
+  const Correspondences matches = stages::match(frames, {});
+  const MotionEstimate motion = stages::motion(frames, matches, {});
+  give_speed(1.0, &frames);
+  const auto ground = stages::another_ground(frames, matches, motion, nullptr, std::nullopt, true,
+                                             stages::GroundOptions());
+  ASSERT_TRUE(ground);
+  const JudgedRoad judged =
+      test::judged_road(frames, matches, PhotometricGround{*ground, motion, nullptr, {}, {}, {}});
+  EXPECT_TRUE(is_named(judged.warnings));
+  EXPECT_LT(std::abs(std::log(judged.road.metres_per_baseline() /
+                              (kStep * static_cast<double>(kImages / 2)))),
+            2.0 * judged.scale.sigma);
 }
 
 }  // namespace

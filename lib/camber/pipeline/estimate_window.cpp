@@ -1,6 +1,7 @@
 #include "camber/pipeline/estimate_window.h"
 
 #include <cmath>
+#include <exception>
 #include <optional>
 #include <utility>
 
@@ -33,6 +34,7 @@ struct MeasuredGround {
   ScaledRoad scaled;
   SurfacePlan plan;
   PlacedVehicles vehicles;
+  std::optional<RoadLayer> layer;
   JudgedRoad judged;
 };
 
@@ -47,17 +49,18 @@ MeasuredGround measure(const FoundRoad& road, PhotometricGround refined,
   PlacedVehicles vehicles = run("vehicles", 0.9, [&] {
     return stages::vehicles(road.frames, refined.motion, scaled, plan, o.vehicles);
   });
+  std::optional<RoadLayer> layer;  // what passes knows it better than the matches' shares
   JudgedRoad judged = run("scale", 0.97, [&] {
-    std::optional<RoadLayer> layer;  // what passes knows it better than the matches' shares
-    if (!refined.ground.passing ||
-        stages::shows_another(*refined.ground.passing, refined.ground.ego)) {
+    const Ground& ground = refined.ground;
+    if (ground.near_road == NearRoadSource::kMatches &&
+        (!ground.passing || stages::shows_another(ground.passing->log_baseline, ground.ego))) {
       layer = stages::road_layer(road.frames, road.matches, refined,
                                  scaled.road.metres_per_baseline(), o.num_threads);
     }
     return stages::judge(scaled, layer, vehicles, {o.scale.noise});
   });
-  return {std::move(refined), std::move(scaled), std::move(plan), std::move(vehicles),
-          std::move(judged)};
+  return {std::move(refined),  std::move(scaled), std::move(plan),
+          std::move(vehicles), std::move(layer),  std::move(judged)};
 }
 
 /// Whether the road may be another layer: its scale is known worse than what passes measures it.
@@ -71,54 +74,60 @@ bool is_doubtful(const LoadedFrames& frames, const MeasuredGround& measured) {
   return std::pow(measured.judged.scale.sigma, 2) - given * given > kWorse * kWorse;
 }
 
-/// The same with what passes on the road: another ground where it shows one, else a measurement of
-/// this one's.
-/// @return none where nothing passes that was not looked at before.
-std::optional<PhotometricGround> by_what_passes(const FoundRoad& road,
-                                                const PhotometricGround& refined,
-                                                const ReconstructOptions& o,
-                                                const StageRunner& run) {
-  if (refined.ground.by_what_passes) return std::nullopt;
-  std::optional<RoadSweepResult> sweep = refined.ground.passing;
-  const bool known = sweep.has_value();
-  if (!known) {
-    sweep = run("ground", 0.97,
-                [&] { return stages::sweep_road(road.frames, refined.motion, o.num_threads); });
-  }
-  if (!sweep) return std::nullopt;
-  if (stages::shows_another(*sweep, refined.ground.ego)) {
-    return run("ground", 0.97, [&] {
-      return PhotometricGround{
-          stages::passing_ground(road.frames, road.matches, refined.motion, *sweep, o.ground),
-          refined.motion,
-          nullptr,
-          {},
-          {},
-          {}};
-    });
-  }
-  if (known) return std::nullopt;
-  PhotometricGround out = refined;
-  out.ground.passing = sweep;
-  return out;
+/// Whether the layer that was found may well be none that one drives on, and a given speed can show
+/// another.
+bool may_be_another(const FoundRoad& road, const MeasuredGround& measured) {
+  constexpr double kOdds = 0.05 / 0.95;
+  return measured.layer &&
+         (measured.layer->repeated || measured.layer->log_odds() > std::log(kOdds)) &&
+         stages::log_baseline_by_speed(road.frames, measured.refined.motion);
+}
+
+/// The same by what passes on the road and by the given speed: another ground where they show one,
+/// else what passes as a measurement of this one's.
+/// @param layer  whether it is the layer that is in doubt: then a speed alone shows another.
+/// @return none where they say nothing that was not known before.
+std::optional<PhotometricGround> by_other_sources(const FoundRoad& road,
+                                                  const PhotometricGround& refined, bool layer,
+                                                  const ReconstructOptions& o,
+                                                  const StageRunner& run) {
+  if (refined.ground.near_road != NearRoadSource::kMatches) return std::nullopt;
+  return run("ground", 0.97, [&]() -> std::optional<PhotometricGround> {
+    std::optional<RoadSweepResult> sweep = refined.ground.passing;
+    const bool known = sweep.has_value();
+    if (!known) sweep = stages::sweep_road(road.frames, refined.motion, o.num_threads);
+    if (auto other = stages::another_ground(road.frames, road.matches, refined.motion,
+                                            &refined.ground, sweep, layer, o.ground)) {
+      return PhotometricGround{std::move(*other), refined.motion, nullptr, {}, {}, {}};
+    }
+    if (known || !sweep) return std::nullopt;
+    PhotometricGround out = refined;
+    out.ground.passing = sweep;
+    return out;
+  });
 }
 
 MeasuredGround measure_with_doubts(const FoundRoad& road, const PhotometricGround& refined,
                                    const ReconstructOptions& o, const StageRunner& run) {
   std::optional<MeasuredGround> first;
+  std::exception_ptr unknown;
+  bool layer = true;
   try {
     first = measure(road, refined, o, run);
-    if (!is_doubtful(road.frames, *first)) return std::move(*first);
+    layer = may_be_another(road, *first);
+    if (!layer && !is_doubtful(road.frames, *first)) return std::move(*first);
   } catch (const UnknownScaleError&) {
-    auto other = by_what_passes(road, refined, o, run);
-    if (!other) throw;
-    return measure(road, std::move(*other), o, run);
+    unknown = std::current_exception();
   }
-  auto other = by_what_passes(road, refined, o, run);
-  if (!other) return std::move(*first);
+  auto other = by_other_sources(road, refined, layer, o, run);
+  if (!other) {
+    if (!first) std::rethrow_exception(unknown);
+    return std::move(*first);
+  }
   try {
     return measure(road, std::move(*other), o, run);
   } catch (const NoAnswerError&) {
+    if (!first) throw;
     return std::move(*first);
   }
 }
@@ -133,7 +142,7 @@ WindowEstimate estimate_window(const Scene& scene, LoadedFrames frames,
       stages::find_road(scene, std::move(frames), {o.rounds, o.match, o.motion, o.ground}, run);
   PhotometricGround refined = run("ground", 0.8, [&] {
     PhotometricGround out{road.ground, road.motion, nullptr, {}, {}, {}};
-    if (road.ground.by_what_passes) return out;
+    if (road.ground.near_road != NearRoadSource::kMatches) return out;
     if (o.photometric) {
       out = stages::refine_photometrically(road.frames, road.matches, road.motion, road.ground,
                                            o.ground);

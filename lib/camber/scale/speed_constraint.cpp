@@ -7,7 +7,10 @@
 
 namespace camber {
 
-constexpr double kLeastDistance = 3.0;  // standard deviations
+bool shows_motion(const TravelledDistance& distance) {
+  constexpr double kLeast = 3.0;  // standard deviations
+  return distance.metres > kLeast * distance.sigma;
+}
 
 std::optional<Constraint> speed_constraint(const RoadPosterior& road,
                                            const TravelledDistance& distance, double baselines,
@@ -18,7 +21,7 @@ std::optional<Constraint> speed_constraint(const RoadPosterior& road,
         "speed: {} m +- {} over {} baselines +- {}, expected none below 0 and a positive sigma",
         distance.metres, distance.sigma, baselines, path_sigma));
   }
-  if (!(baselines > 0.0) || !(distance.metres > kLeastDistance * distance.sigma)) {
+  if (!(baselines > 0.0) || !shows_motion(distance)) {
     return std::nullopt;
   }
   const double relative = std::hypot(distance.sigma / distance.metres, path_sigma);

@@ -162,8 +162,8 @@ FoundRoad find_road(const Scene& scene, LoadedFrames frames, const FindRoadOptio
     return run("ground", 0.75, [&]() -> std::optional<Ground> {
       if (found && !repeats_road(frames, moved)) return std::nullopt;
       const auto sweep = sweep_road(frames, moved, o.ground.num_threads);
-      if (!sweep || (found && !shows_another(*sweep, found->ego))) return std::nullopt;
-      return passing_ground(frames, matched, moved, *sweep, o.ground);
+      const bool by_speed = found || repeats_road(frames, moved);
+      return another_ground(frames, matched, moved, found, sweep, by_speed, o.ground);
     });
   };
   const FrameMasks masks = frames.reference_masks();

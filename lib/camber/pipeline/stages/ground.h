@@ -26,6 +26,13 @@ struct GroundPoints {
   TriangulatedPoints others;             ///< where no mask shows it: of what is taken for no ground
 };
 
+/// What shows where the near road is.
+enum class NearRoadSource {
+  kMatches,
+  kPassing,  ///< what passes on it, a plane; of the matches only those that lie on it are taken
+  kSpeed,    ///< such a plane by the given speed and the given height of the camera
+};
+
 /// The ground ahead as far as it is found, up to scale (longest baseline 1), reference camera.
 struct Ground {
   GroundPoints seen;
@@ -39,7 +46,7 @@ struct Ground {
   double alternative_spread = 0.0;
   /// By what passes on the road, where that was looked at.
   std::optional<RoadSweepResult> passing = std::nullopt;
-  bool by_what_passes = false;  ///< the near road is that one; matches only add what lies on it
+  NearRoadSource near_road = NearRoadSource::kMatches;
 };
 
 /// Blocks of an image, row by row.

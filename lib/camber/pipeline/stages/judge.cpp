@@ -327,10 +327,13 @@ JudgedRoad judge(const ScaledRoad& scaled, const std::optional<RoadLayer>& layer
   FusedRoad fused = fuse(scaled.road, constraints, noise.vehicle_population);
   JudgedRoad out{std::move(fused.road),    scaled.metric,  {}, 0.0, 0.0,
                  std::move(fused.reports), scaled.reports, {}, {}};
-  if (scaled.by_what_passes) {
-    out.warnings.push_back({"road_repeated",
-                            "the pictures repeat the asphalt, as films do: the road is a plane, by "
-                            "what passes on it"});
+  if (scaled.near_road != NearRoadSource::kMatches) {
+    out.warnings.push_back(
+        {"road_repeated",
+         fmt::format("the pictures repeat the asphalt, as films do: the road is a plane, by {}",
+                     scaled.near_road == NearRoadSource::kSpeed
+                         ? "the given speed and the camera's height"
+                         : "what passes on it")});
   }
   const Ruling ruling(noise);
   if (scaled.metric) {

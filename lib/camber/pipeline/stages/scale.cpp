@@ -100,7 +100,7 @@ bool accepted(const std::vector<ConstraintReport>& reports, const std::string& n
 
 ScaledRoad scale(const LoadedFrames& frames, const Correspondences& matches,
                  const PhotometricGround& ground, const ScaleOptions& options) {
-  if (!ground.ground.by_what_passes) detail::require_seen(ground.ground.ego);
+  if (ground.ground.near_road == NearRoadSource::kMatches) detail::require_seen(ground.ground.ego);
   const Eigen::Vector3d travel = travel_direction(ground.motion, frames.reference);
   const bool given = ground.motion.metres_per_baseline || frames.known.camera_height;
   const double start = ground.ground.metres_per_baseline;
@@ -121,7 +121,7 @@ ScaledRoad scale(const LoadedFrames& frames, const Correspondences& matches,
     RoadWidthConstraint width = detail::measure_width(frames, raster, travel, anchored, options);
     constraints.push_back(prior.relinearised(markings.constraint, linearised_at));
     constraints.push_back(prior.relinearised(width.constraint, anchored));
-    if (ground.ground.passing && !ground.ground.by_what_passes) {
+    if (ground.ground.passing && ground.ground.near_road != NearRoadSource::kPassing) {
       constraints.push_back(passing_road_constraint(prior, ground.ground.passing->log_baseline));
     }
     if (ground.motion.metres_per_baseline && frames.known.camera_height) {
@@ -130,6 +130,9 @@ ScaledRoad scale(const LoadedFrames& frames, const Correspondences& matches,
     }
     if (given) {
       for (auto* measure : {&detail::measure_positions, &detail::measure_speed}) {
+        // A speed counts once.
+        const bool used = ground.ground.near_road == NearRoadSource::kSpeed;
+        if (used && measure == &detail::measure_speed) continue;
         auto path = (*measure)(prior, frames, ground.motion, options.noise);
         if (path) constraints.push_back(std::move(*path));
       }
@@ -171,7 +174,7 @@ ScaledRoad scale(const LoadedFrames& frames, const Correspondences& matches,
     ScaledRoad out{
         std::move(fused.road), metric,      std::move(fused.reports), {}, std::move(markings),
         std::move(width),      scale_change};
-    out.by_what_passes = ground.ground.by_what_passes;
+    out.near_road = ground.ground.near_road;
     out.scale_by_focal = metric ? by_focal : 1.0;
     if (!metric) out.without_metres = why_up_to_scale(frames, out.markings);
     detail::add_sources(prior, constraints, options.noise, &out);

@@ -32,7 +32,7 @@ struct ScaledRoad {
   DashFocalLength dash_focal_length = {};
   /// Of one image: the scale is that of the camera's height, the paint's own size the least of it.
   bool by_ego_height = false;
-  bool by_what_passes = false;      ///< see Ground
+  NearRoadSource near_road = NearRoadSource::kMatches;
   std::string without_metres = {};  ///< why it is not metric
 };
 

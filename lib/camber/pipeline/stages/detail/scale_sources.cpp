@@ -27,23 +27,32 @@ RoadPosterior prior_road(const PhotometricGround& ground, double metres_per_base
           kOpenLogScale};
 }
 
-std::optional<Constraint> measure_speed(const RoadPosterior& road, const LoadedFrames& frames,
-                                        const MotionEstimate& motion, const ScaleNoise& noise) {
-  double metres = 0.0, baselines = 0.0;
-  int stretches = 0;
+std::optional<TravelledPath> travelled_path(const LoadedFrames& frames,
+                                            const MotionEstimate& motion) {
+  TravelledPath out;
   const auto center = [&](std::size_t k) {
     return motion.frame_from_reference[k].inverse().translation();
   };
   for (std::size_t k = 0; k < frames.known.travelled.size(); ++k) {
     if (!frames.known.travelled[k]) continue;
-    metres += *frames.known.travelled[k];
-    baselines += (center(k + 1) - center(k)).norm();
-    ++stretches;
+    out.distance.metres += *frames.known.travelled[k];
+    out.baselines += (center(k + 1) - center(k)).norm();
+    ++out.stretches;
   }
   const DistanceSigma& sigma = frames.known.travelled_sigma;
-  if (stretches == 0 || !(sigma.together() > 0.0)) return std::nullopt;
-  return speed_constraint(road, {metres, sigma.together(), sigma.common}, baselines, stretches,
-                          noise.speed_path);
+  out.distance.sigma = sigma.together();
+  out.distance.common = sigma.common;
+  if (!(out.distance.sigma > 0.0) || !shows_motion(out.distance) || !(out.baselines > 0.0)) {
+    return std::nullopt;
+  }
+  return out;
+}
+
+std::optional<Constraint> measure_speed(const RoadPosterior& road, const LoadedFrames& frames,
+                                        const MotionEstimate& motion, const ScaleNoise& noise) {
+  const auto path = travelled_path(frames, motion);
+  if (!path) return std::nullopt;
+  return speed_constraint(road, path->distance, path->baselines, path->stretches, noise.speed_path);
 }
 
 std::optional<Constraint> measure_positions(const RoadPosterior& road, const LoadedFrames& frames,

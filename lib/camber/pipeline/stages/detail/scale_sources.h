@@ -6,12 +6,24 @@
 
 #include "camber/pipeline/stages/scale.h"
 #include "camber/scale/lane_marking_detection.h"
+#include "camber/scale/speed_constraint.h"
 
 namespace camber::stages::detail {
 
 /// The road before any source of its metres.
 RoadPosterior prior_road(const PhotometricGround& ground, double metres_per_baseline,
                          const ScaleOptions& options);
+
+/// How far the camera went by the speed, and the same stretches of its motion.
+struct TravelledPath {
+  TravelledDistance distance;
+  double baselines = 0.0;  ///< length, > 0
+  int stretches = 0;       ///< between neighbouring frames
+};
+
+/// @return none without a speed, or where it does not show a motion.
+std::optional<TravelledPath> travelled_path(const LoadedFrames& frames,
+                                            const MotionEstimate& motion);
 
 /// The path over the frames by the speed, where the scene has it.
 std::optional<Constraint> measure_speed(const RoadPosterior& road, const LoadedFrames& frames,
