@@ -42,7 +42,7 @@ Case case_of(const json& of) {
     evidence.wrong_share = number(e.at("wrong_share"), 0.0);
     evidence.shares = e.at("shares").get<std::vector<std::string>>();
     if (evidence.name == "road_layer" && e.contains("measured")) {
-      out.alternative_spread = number(e["measured"].value("start_spread", json()), 0.0);
+      out.alternative_spread = number(e["measured"].value("alternative_spread", json()), 0.0);
     }
     out.evidence.push_back(std::move(evidence));
   }

@@ -66,7 +66,7 @@ START = {
     "layer.informative": (-0.92, "plain"),
 }
 # Not fitted: too few runs show them. As RoadLayer::log_odds() has them.
-FIXED_LAYER = {"contested": 8.0, "obstructing": 80.0}
+FIXED_LAYER = {"off_road": 8.0, "obstacles": 80.0}
 
 
 def parse(words):

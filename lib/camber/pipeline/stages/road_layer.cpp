@@ -35,9 +35,9 @@ ScaleEvidence evidence_of(const RoadLayer& layer) {
   out.wrong_share = 1.0 / (1.0 + std::exp(-layer.log_odds()));
   out.measured = {{"found", layer.found},
                   {"agreeing", layer.agreeing},
-                  {"contested", layer.off_road},
-                  {"obstructing", layer.obstacles},
-                  {"start_spread", layer.alternative_spread},
+                  {"off_road", layer.off_road},
+                  {"obstacles", layer.obstacles},
+                  {"alternative_spread", layer.alternative_spread},
                   {"masked", layer.masked ? 1.0 : 0.0},
                   {"posed", layer.posed ? 1.0 : 0.0},
                   {"search", static_cast<double>(layer.search)},
