@@ -23,20 +23,6 @@ constexpr int kMaxId = 2000000000;
 double to_degrees(double radians) { return radians * 180.0 / kPi; }
 double to_radians(double degrees) { return degrees * kPi / 180.0; }
 
-const char* kind_word(PatchKind kind) {
-  switch (kind) {
-    case PatchKind::kRoad:
-      return "road";
-    case PatchKind::kPavement:
-      return "pavement";
-    case PatchKind::kGround:
-      return "ground";
-    case PatchKind::kOther:
-      break;
-  }
-  return "other";
-}
-
 json points_json(const std::vector<Eigen::Vector3d>& points) {
   json out = json::array();
   for (const Eigen::Vector3d& p : points) out.push_back(vector_json(p));
@@ -357,7 +343,7 @@ std::vector<std::pair<std::string, long>> read_counts(const JsonCursor& cursor) 
 
 json to_json(const PlanePatch& patch) {
   json out = {{"id", patch.id},
-              {"kind", kind_word(patch.kind)},
+              {"kind", to_string(patch.kind)},
               {"status", to_string(patch.status)},
               {"reason", patch.reason},
               {"inliers", patch.inliers},
