@@ -13,7 +13,9 @@ over true, as the stated sigma is; the lists of the worst have per cent. For exa
 Makers: steep_scenes (a script called as `make.py --out FOLDER NUMBERS` by the Python that its first
 line names), synth (`camber synth --random NUMBER`), folder (the scenes that --scenes holds,
 numbered in order of their names).
-Faults: none; height+20, focal10 (any per cent); cx0; and in the frame after the reference frame:
+Faults: none; height+20, focal10 (any per cent); cx0; fov: a guessed camera, whose field of view is
+off by a draw of 5 degrees and whose height by one of 3 cm, both stated as `camber import` states
+them; fov+10, fov-15: off by so many degrees, 5 stated; and in the frame after the reference frame:
 repeat (the reference frame's images again), other (another scene's), exposure (1.6 times as
 bright), black (the right half), pose (all poses are given, this one 1 degree off). With --speed
 also speed+20, speed-20.
@@ -45,7 +47,7 @@ from benchmark_json import BadInput, write_document
 from trust_scenes import (CODER_PATTERN, check_fault, coded_images, edited_manifest, facts_of,
                           last_line, make_scenes, turn_deg)
 
-FORMAT = 1          # of a run's line and of what a switch or fault does: part of each key
+FORMAT = 2          # of a run's line and of what a switch or fault does: part of each key
 FACTS_FORMAT = 2    # of a scene's line
 TIME_LIMIT = 900    # s, of one run
 FRAMES_PATTERN = re.compile(r"none(@\d+)?$|\d+:\d+(:[1-9]\d*)?$|\d+(\+\d+)+$")
@@ -313,8 +315,30 @@ def result_of(scene, folder):
         "dashes": run.get("markings", {}).get("dashes", 0),
         "evidence": run.get("evidence", []),  # for replay_scale.py
         "vehicles": [[v.get(key) for key in trust_report.VEHICLE_COLUMNS]
-                     for v in metrics.get("vehicles", [])],
+                     for v in with_along_sigma(metrics.get("vehicles", []), folder)],
     }
+
+
+def with_along_sigma(vehicles, folder):
+    """The vehicles of metrics.json with the stated sigma along the ray to each, m."""
+    if not vehicles:
+        return []
+    with open(folder / "vehicles.json", encoding="utf-8") as file:
+        stated = {(frame["id"], vehicle["id"]): vehicle for frame in json.load(file)["frames"]
+                  for vehicle in frame["vehicles"]}
+    return [{**v, "along_sigma": along_sigma(stated.get((v["frame"], v["estimate_id"])))}
+            for v in vehicles]
+
+
+def along_sigma(vehicle):
+    """Of a vehicle of vehicles.json whose covariance is stated."""
+    if vehicle is None or None in vehicle.get("covariance", [None]):
+        return None
+    center, covariance = vehicle["center"], vehicle["covariance"]
+    size = math.isqrt(len(covariance))
+    variance = sum(center[i] * covariance[size * i + j] * center[j]
+                   for i in range(3) for j in range(3)) / sum(x * x for x in center)
+    return math.sqrt(max(variance, 0.0))
 
 
 def main(words=None):

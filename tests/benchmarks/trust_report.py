@@ -6,7 +6,8 @@ import re
 
 from benchmark_json import column, document
 
-VEHICLE_COLUMNS = ("distance", "center_error", "center_mahalanobis", "height_error", "height_sigma")
+VEHICLE_COLUMNS = ("distance", "center_error", "center_mahalanobis", "height_error", "height_sigma",
+                   "frame", "along_error", "along_sigma")
 CENTER_LIMIT = 7.815   # 95 % of chi squared, three degrees of freedom
 HEIGHT_LIMIT = 1.96    # 95 % of a normal, in sigma
 WORST = 10
@@ -86,7 +87,7 @@ def contradicted(entry, plain):
     results = [entry["result"], plain.get((definition["scene"], definition["frames"]), {})]
     if definition["fault"].startswith("height"):
         return facts.get("cars", 0) >= 3 or any(r.get("markings_seen") for r in results)
-    if definition["fault"].startswith("focal") or definition["fault"] == "cx0":
+    if definition["fault"].startswith(("focal", "fov")) or definition["fault"] == "cx0":
         return (facts.get("oblique", 0) >= 3 or any(map(turns, results)) or
                 any(r.get("dashes") for r in results))
     return True
@@ -149,7 +150,7 @@ def row_of(name, entries):
 
 
 def vehicles_of(entries):
-    cars = [dict(zip(VEHICLE_COLUMNS, car)) for e in entries for car in e["result"]["vehicles"]]
+    cars = [car for e in entries for car in cars_of(e)]
     errors = [car["center_error"] for car in cars if car["center_error"] is not None]
     return {
         "count": len(errors),
@@ -160,6 +161,27 @@ def vehicles_of(entries):
                                    for car in cars
                                    if car["height_error"] is not None and car["height_sigma"]),
     }
+
+
+def cars_of(entry):
+    return [dict(zip(VEHICLE_COLUMNS, car)) for car in entry["result"].get("vehicles", [])]
+
+
+def nearest_car(entry):
+    """Of the middle one of the frames that were used; None: none with a stated distance."""
+    used = entry["result"].get("used_frames", [])
+    cars = [car for car in cars_of(entry) if used and car.get("frame") == used[len(used) // 2] and
+            car["along_error"] is not None and car["along_sigma"]]
+    return min(cars, key=lambda car: car["distance"], default=None)
+
+
+def nearest_cars_of(entries):
+    """What is stated of the distance of each run's nearest car, and how far that is off."""
+    cars = list(filter(None, map(nearest_car, entries)))
+    return {"count": len(cars),
+            "error": quantile([abs(c["along_error"]) / c["distance"] for c in cars], 0.5),
+            "sigma": quantile([c["along_sigma"] / c["distance"] for c in cars], 0.5),
+            "inside_2_sigma": share(abs(c["along_error"]) <= 2.0 * c["along_sigma"] for c in cars)}
 
 
 def refusals(entries):
@@ -213,6 +235,9 @@ def fault_row(fault, entries, plain):
         "fault": fault, "runs": len(entries),
         **{key: counts[key] for key in ("refused", "warned", "inside_3_sigma", "wrong", "crashed",
                                         "without_truth")},
+        "inside_2_sigma": share(z_of(e) <= 2.0 for e in filter(has_error, entries)),
+        "sigma": quantile([e["result"]["sigma"] for e in filter(has_error, entries)], 0.5),
+        "nearest_cars": nearest_cars_of(entries),
         "contradicted": len(seen),
         "good_of_these": share(verdict_of(e) != "wrong" for e in seen),
         "listed": [{**summary(e), "contradicted": contradicted(e, plain)}
@@ -311,6 +336,12 @@ def text_of(report):
             [[r["fault"], str(r["runs"]), str(r["refused"]), str(r["warned"]),
               str(r["inside_3_sigma"]), str(r["wrong"]), str(r["contradicted"]),
               percent(r["good_of_these"])] for r in report["faults"]])
+        lines += ["", "the same, scale and nearest car (sigma: median stated, %)"]
+        lines += table(
+            ["fault", "scale in 2s", "sigma", "cars", "in 2s", "error", "sigma"],
+            [[r["fault"], percent(r["inside_2_sigma"]), percent(r["sigma"]), str(c["count"]),
+              percent(c["inside_2_sigma"]), percent(c["error"]), percent(c["sigma"])]
+             for r in report["faults"] for c in [r["nearest_cars"]]])
         for row in report["faults"]:
             lines += [line_of(e) + ("" if e["contradicted"] else " (nothing contradicts it)")
                       for e in row["listed"]]

@@ -21,8 +21,11 @@ NEAR_CAR = 30.0              # m
 EXPOSURE_JUMP = 1.6          # of the frame that jumps
 POSE_FAULT_DEG = 1.0
 
-PLAIN_FAULTS = ("none", "cx0", "repeat", "other", "exposure", "black", "pose")
+PLAIN_FAULTS = ("none", "cx0", "fov", "repeat", "other", "exposure", "black", "pose")
 FAULT_PATTERN = re.compile(r"(height|focal|speed)([+-]?\d+)$")
+FOV_PATTERN = re.compile(r"fov([+-]\d+)$")
+FOV_SIGMA_DEG = 5.0          # of a guessed field of view, as `camber import --fov` states it
+GUESSED_HEIGHT_SIGMA = 0.03  # m, of the height that goes with it, likewise
 CODER_PATTERN = re.compile(r"h26([45]):([1-9]\d*)$")
 SPEED_SIGMA = 0.02           # relative, of given speeds
 
@@ -118,9 +121,10 @@ def last_line(text):
 # --- edited manifests ----------------------------------------------------------------------------
 
 def check_fault(name):
-    """Whether a fault's name is one; height, focal and speed carry their per cent."""
-    match = FAULT_PATTERN.match(name)
-    return name in PLAIN_FAULTS or bool(match and -90 <= int(match[2]) <= 900)
+    """Whether a fault's name is one; height, focal and speed carry their per cent, fov degrees."""
+    match, fov = FAULT_PATTERN.match(name), FOV_PATTERN.match(name)
+    return (name in PLAIN_FAULTS or bool(match and -90 <= int(match[2]) <= 900) or
+            bool(fov and abs(int(fov[1])) <= 60))
 
 
 def used_frames(scene, frames):
@@ -172,6 +176,8 @@ def edited_manifest(scene, definition, other, folder, coded=None):
         manifest.pop("markings_m", None)
     if definition.get("speed"):
         give_speeds(scene, manifest, definition["seed"])
+    if definition["fault"].startswith("fov"):
+        manifest["camera"]["height_sigma"] = GUESSED_HEIGHT_SIGMA
     draw_height(scene, manifest["camera"], definition["seed"])
     inject(scene, manifest, definition, other, folder)
     return manifest
@@ -200,6 +206,8 @@ def inject(scene, manifest, definition, other, folder):
                 camera[key] *= factor
     elif fault == "cx0":
         camera["cx"] = 0.0
+    elif fault.startswith("fov"):
+        guess_field_of_view(scene, camera, fault, definition["seed"])
     used = used_frames(scene, definition["frames"]) or scene.ids
     used = [frame for frame in used if frame in scene.ids]
     if not used:
@@ -221,6 +229,19 @@ def inject(scene, manifest, definition, other, folder):
         give_poses(scene, manifest)
     if fault == "pose":
         turn(wrong, scene, definition["seed"])
+
+
+def guess_field_of_view(scene, camera, fault, seed):
+    """A focal length by a field of view that is off by the fault's degrees, or by a draw of
+    FOV_SIGMA_DEG; FOV_SIGMA_DEG is stated of it, the principal point stays."""
+    wrong = FOV_PATTERN.match(fault)
+    off = float(wrong[1]) if wrong else FOV_SIGMA_DEG * standard_normal("fov", scene.name, seed)
+    true = 2.0 * math.atan(0.5 * camera["width"] / camera["fx"])
+    guessed = min(max(true + math.radians(off), math.radians(5.0)), math.radians(170.0))
+    factor = math.tan(0.5 * true) / math.tan(0.5 * guessed)
+    camera["fx"] *= factor
+    camera["fy"] *= factor
+    camera["focal_sigma"] = math.radians(FOV_SIGMA_DEG) / math.sin(guessed)
 
 
 def take_images(frame, source):

@@ -23,7 +23,14 @@ const CameraSource* named(const std::vector<CameraSource>& sources, const std::s
 WindowRoad stretched_road(const Plane& plane, double factor) {
   Eigen::Vector3d normal = plane.normal;
   normal.z() /= factor;
-  return {normal.normalized(), 0.37, 40};
+  return {normal.normalized(), 0.37, 40, 2.5};
+}
+
+/// The way straight on, which the road ahead leaves at an angle, rad.
+Eigen::Vector3d way_on(const WindowRoad& road, double bend) {
+  const Eigen::Vector3d& up = road.normal;
+  const Eigen::Vector3d along = (Eigen::Vector3d::UnitZ() - up * up.z()).normalized();
+  return std::cos(bend) * along + std::sin(bend) * up;
 }
 
 /// One simulated vehicle a frame, or several views of one, and a camera that is wrong.
@@ -38,7 +45,7 @@ struct Street {
     so_far.height_sigma = 0.2;
   }
 
-  void add(const test::SimulatedVehicle& vehicle, int track) {
+  void add(const test::SimulatedVehicle& vehicle, int track, double bend = 0.0) {
     scene.camera = vehicle.camera;
     scene.camera.fx *= factor_;
     scene.camera.fy *= factor_;
@@ -50,7 +57,7 @@ struct Street {
     RoadView view;
     view.frame_id = frame.id;
     view.road = stretched_road(vehicle.support.plane.plane, factor_);
-    view.ahead = Eigen::Vector3d::UnitZ();
+    view.ahead = way_on(view.road, bend);
     view.along = 20.0 * frame.id;
     views.push_back(view);
     scene.frames.push_back(std::move(frame));
@@ -126,6 +133,30 @@ TEST(KnownSizes, SizesOfVehiclesGiveTheHeight) {
   EXPECT_GE(known, 3);  // of four
 }
 
+TEST(KnownSizes, SizesCountLessWhereTheRoadBends) {
+  constexpr double kBend = 0.2;  // rad
+  constexpr int kCars = 6;
+  Street flat(1.0, 0.02), bent(1.0, 0.02);
+  double information = 0.0;
+  for (std::uint64_t car = 0; car < kCars; ++car) {
+    const test::SimulatedVehicle vehicle = test::simulate_vehicle(near_cars(3), car);
+    flat.add(vehicle, static_cast<int>(car));
+    bent.add(vehicle, static_cast<int>(car), kBend);
+    const double missed = kBend * vehicle.truth.center().z() / vehicle.true_plane.offset;
+    information += 1.0 / (missed * missed);
+  }
+  EXPECT_NEAR(bend_of_road(bent.views.front()), kBend, 1e-9);
+  EXPECT_NEAR(bend_of_road(flat.views.front()), 0.0, 1e-9);
+  const auto own_sigma = [](const Street& street) {
+    const auto sources = street.sources();
+    const CameraSource* found = named(sources, "vehicle_sizes");
+    return found ? std::sqrt(std::pow(found->sigma, 2) - std::pow(found->common, 2)) : 0.0;
+  };
+  const double of_bend = 1.0 / std::sqrt(information);
+  EXPECT_LT(own_sigma(flat), 0.3 * of_bend);
+  EXPECT_NEAR(own_sigma(bent), of_bend, 0.3 * of_bend);
+}
+
 TEST(KnownSizes, AVehicleCountsOnce) {
   const auto options = near_cars(5);
   const test::SimulatedVehicle first = test::simulate_vehicle(options, 1);
@@ -184,7 +215,8 @@ struct PaintedRoad {
       SceneFrame frame;
       frame.id = id;
       scene.frames.push_back(frame);
-      views.push_back({id, stretched_road(road, focal_wrong_by), Eigen::Vector3d::UnitZ(), 0.0});
+      const WindowRoad seen = stretched_road(road, focal_wrong_by);
+      views.push_back({id, seen, way_on(seen, 0.0), 0.0});
     }
     scene.camera = camera;
     scene.camera.fx *= focal_wrong_by;
@@ -225,6 +257,28 @@ TEST(KnownSizes, BrokenLinesGiveFocalLengthAndHeight) {
       EXPECT_LT(lanes->sigma, 0.06);
     }
   }
+}
+
+TEST(KnownSizes, LinesCountLessWhereTheRoadBends) {
+  PaintedRoad road(1.0, 1.0, 0.05, 0.1);
+  // One image has them on a slope, which the camera is higher above than above the road.
+  constexpr double kBend = 0.15, kHigher = 1.15;
+  const Plane slope{road.views[0].road.normal, kHigher * PaintedRoad::kHeight};
+  road.images[0] = test::draw_markings(
+      road.scene.camera, slope,
+      [](double x, double z) {
+        return test::dashed(x, z, -1.6, 6.3) || test::dashed(x, z, 1.9, 10.3);
+      },
+      3.0, 0);
+  const auto off = [&] {
+    const auto sources = road.sources();
+    const CameraSource* dashes = named(sources, "dashes");
+    const double truth = std::log(PaintedRoad::kFocal) + std::log(PaintedRoad::kHeight);
+    return dashes ? std::abs(dashes->value - truth) : 1.0;
+  };
+  const double as_if_flat = off();
+  road.views[0].ahead = way_on(road.views[0].road, kBend);
+  EXPECT_LT(off(), 0.5 * as_if_flat);
 }
 
 TEST(KnownSizes, LinesOfSizesThatAreNotKnownSayNothing) {

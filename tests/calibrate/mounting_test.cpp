@@ -53,6 +53,8 @@ TEST(Mounting, HeightIsSeenInStepsOfTheWindow) {
     ++roads;
     // Units of the longest baseline, four steps.
     EXPECT_NEAR(road->height * 4.0 * options.step, options.height, 0.05);
+    EXPECT_GT(road->depth, 2.0 * road->height);
+    EXPECT_LT(road->depth, 30.0 * road->height);
   }
   EXPECT_GE(roads, 6);
 }

@@ -82,6 +82,38 @@ TEST_F(ImportBag, ChunksOfEveryCompression) {
   }
 }
 
+/// The scene is made on the way and stays in the result.
+TEST_F(ImportBag, IsReconstructedInOneCommand) {
+  const fs::path sample = test::source_dir() / "samples/steep_hill";
+  const Scene given = read_scene(sample);
+  RosCameraInfo camera;
+  camera.width = given.camera.width;
+  camera.height = given.camera.height;
+  camera.coefficients = {0, 0, 0, 0, 0};
+  camera.fx = camera.projection_f = given.camera.fx;
+  camera.fy = given.camera.fy;
+  camera.cx = given.camera.cx;
+  camera.cy = given.camera.cy;
+  std::vector<BagContent> messages = {{"/cam/camera_info", "CameraInfo", camera.bytes()}};
+  for (std::size_t i = 0; i < given.frames.size(); ++i) {
+    const Image pixels = read_color_image(given.frames[i].image);
+    messages.push_back({"/cam/image_raw", "Image",
+                        test::ros_image(1600000000 + 0.1 * static_cast<double>(i), pixels.width,
+                                        pixels.height, "rgb8", 3 * pixels.width,
+                                        std::string(pixels.data.begin(), pixels.data.end()))});
+  }
+  test::write_bag(path("drive.bag"), messages);
+  const auto made =
+      run_camber({"reconstruct", path("drive.bag"), "--height", "1.65", "--detector", "none",
+                  "--keypoints", "none", "--no-pictures", "--out", path("result")});
+  ASSERT_EQ(made.exit_code, 0) << made.error;
+  EXPECT_THAT(made.error, HasSubstr("3 images of /cam/image_raw"));
+  EXPECT_THAT(made.out, HasSubstr("distances known to "));
+  const Scene scene = read_scene(path("result/scene"));
+  EXPECT_NEAR(scene.camera.fx, given.camera.fx, 1e-9);
+  EXPECT_EQ(scene.height_above_road, 1.65);
+}
+
 TEST_F(ImportBag, OptionsAndJson) {
   write(BagCompression::kNone);
   const auto result = import({"--from", "0.15", "--every", "2", "--fov", "90", "--json"});

@@ -5,6 +5,8 @@
 #include <Eigen/Geometry>
 #include <vector>
 
+#include "camber/drive/drive_pictures.h"
+
 namespace camber {
 namespace {
 
@@ -91,6 +93,18 @@ TEST(DriveFrames, RollIsPositiveWhereTheRightSideIsDownAndPitchWhereTheAxisRises
   const DriveDocument pitched = document_of(make_drive(4, {0, 3}, raised));
   EXPECT_NEAR(pitched.pitch.value, pitch, 1e-9);
   EXPECT_NEAR(pitched.roll.value, 0.0, 1e-9);
+}
+
+TEST(DriveFrames, AFilmPassesAsFastAsTheDrive) {
+  DriveDocument drive;
+  for (const double time : {7.0, 7.04, 7.12, 7.16}) {  // one frame was lost
+    DriveFrame frame;
+    frame.time_s = time;
+    drive.frames.push_back(frame);
+  }
+  EXPECT_NEAR(film_rate(drive), 3.0 / 0.16, 1e-9);
+  drive.frames.resize(1);
+  EXPECT_EQ(film_rate(drive), 10.0);
 }
 
 }  // namespace

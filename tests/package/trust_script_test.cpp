@@ -64,14 +64,21 @@ if "world_from_camera" in frames[0]: seen.append("poses")
 if "markings_m" not in scene: seen.append("no sizes")
 if scene["camera"]["cx"] == 0: seen.append("cx")
 if scene["camera"]["fx"] != 6: seen.append("fx %.3g" % scene["camera"]["fx"])
+if "focal_sigma" in scene["camera"]: seen.append("+- %.3g" % scene["camera"]["focal_sigma"])
 error = 0.01 * n * (n < 100) + math.log(max(scene["camera"]["height_above_road"], 0.01) / 1.5)
-car = {"distance": 9, "center_error": 0.1 * n, "center_mahalanobis": 1.6 * n,
-       "height_error": -0.1 * n, "height_sigma": 0.1}
+car = {"frame": 2, "estimate_id": 0, "distance": 9, "center_error": 0.1 * n,
+       "center_mahalanobis": 1.6 * n, "height_error": -0.1 * n, "height_sigma": 0.1,
+       "along_error": 0.3 * n}
 json.dump({"constraints": [], "markings": {"dashes": n % 2}, "options": {"frames": [1, 2, 3]}, "scale_sigma": 0.05,
            "scale_status": "weak" if n == 3 else "ok",
            "warnings": [{"code": "seen", "text": " ".join(seen)}] if seen else []},
           open(out + "/run.json", "w"))
-json.dump({"scale_error": math.expm1(error), "vehicles": [car]}, open(out + "/metrics.json", "w"))
+far = dict(car, estimate_id=1, distance=20, along_error=90)
+json.dump({"scale_error": math.expm1(error), "vehicles": [far, car]},
+          open(out + "/metrics.json", "w"))
+stated = {"center": [0, 3, 4], "covariance": [9.0, 0, 0, 0, 1.0, 0, 0, 0, 0.25]}
+json.dump({"frames": [{"id": 2, "vehicles": [dict(stated, id=0), dict(stated, id=1)]}]},
+          open(out + "/vehicles.json", "w"))
 )py";
 
 class TrustScript : public testing::Test {
@@ -192,10 +199,25 @@ TEST_F(TrustScript, HeightIsDrawnByItsSigma) {
   EXPECT_NE(report_["worst_by_error"][0]["error"], first[0]["error"]);
 }
 
+TEST_F(TrustScript, TheNearestCarOfAGuessedCamera) {
+  ASSERT_EQ(trust("--numbers 0:3 --faults fov-15,none"), 0) << err_;
+  // The nearer of two, along its ray: 0.3 m a number, the covariance's 0.72 m there.
+  const nlohmann::json& cars = report_["faults"][0]["nearest_cars"];
+  EXPECT_EQ(cars["count"], 4);
+  EXPECT_NEAR(cars["error"], 0.45 / 9.0, 1e-9);
+  EXPECT_NEAR(cars["sigma"], std::sqrt(0.52) / 9.0, 1e-9);
+  EXPECT_NEAR(cars["inside_2_sigma"], 1.0, 1e-9);
+  ASSERT_EQ(trust("--numbers 0:9 --faults fov-15"), 0) << err_;
+  EXPECT_NEAR(report_["faults"][0]["nearest_cars"]["inside_2_sigma"], 4.0 / 9.0,
+              1e-9);  // 4 refused
+}
+
 TEST_F(TrustScript, FaultsReachTheFrameAfterTheReference) {
   EXPECT_EQ(seen_with("none"), "");
   EXPECT_EQ(seen_with("cx0"), "cx");
   EXPECT_EQ(seen_with("focal100"), "fx 12");
+  EXPECT_EQ(seen_with("fov+10"), "fx 4.99 +- 0.0894");  // of 67.4 degrees
+  EXPECT_THAT(seen_with("fov"), HasSubstr(" +- 0."));
   EXPECT_EQ(seen_with("repeat"), "3:[{'box': [0, 0, 2, 1]}]");
   EXPECT_EQ(seen_with("other"),
             "3:[102, 102, 102, 102, 102, 102, 102, 102] "

@@ -304,6 +304,27 @@ TEST(Report, TheViewIsOptionalAndPicturesAreEmbedded) {
   EXPECT_THAT(make_report(content), HasSubstr("<canvas id=view>"));
 }
 
+TEST(Report, PicturesOfAComparisonAreShown) {
+  const PictureScene scene;
+  const test::TemporaryFolder folder;
+  ReportContent content;
+  content.picture = scene.content();
+  content.picture_folder = folder.path();
+  ReportOptions options;
+  options.embed_3d = false;
+  int shown = 0;
+  for (const char* name : {"height_error.png", "histogram.png", "cumulative.png"}) {
+    write_png(make_picture(8, 8, 10), folder.path() / name);
+    ++shown;
+    const std::string page = make_report(content, options);
+    int images = 0;
+    for (auto at = page.find("<img"); at != std::string::npos; at = page.find("<img", at + 1)) {
+      ++images;
+    }
+    EXPECT_EQ(images, shown) << name;
+  }
+}
+
 TEST(Report, LongRunsFoldWhatIsNotShown) {
   PictureScene scene;
   for (int i = 0; i < 9; ++i) {

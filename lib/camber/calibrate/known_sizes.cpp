@@ -137,6 +137,7 @@ double depth_of(const FocalLengthProfile& profile, const std::vector<double>& ch
 }
 
 std::vector<VehicleMeasurement> measured(const std::vector<SeenVehicle>& seen,
+                                         const std::vector<RoadView>& views,
                                          const std::vector<int>& numbers,
                                          const std::vector<double>& changes,
                                          const HypothesisGates& noise) {
@@ -155,7 +156,8 @@ std::vector<VehicleMeasurement> measured(const std::vector<SeenVehicle>& seen,
       const double h = p.heights[middle];
       if (!(h > 0.0) || !(p.height_sigmas[middle] > 0.0)) continue;
       heights.push_back(std::log(h));
-      sigmas.push_back(p.height_sigmas[middle] / h);
+      const double bend = bend_of_road(views[seen[i].view]) * p.depths[middle];
+      sigmas.push_back(std::hypot(p.height_sigmas[middle], bend) / h);
       const double low = p.heights[middle - 1], high = p.heights[middle + 1];
       if (low > 0.0 && high > 0.0) {
         slopes.push_back(std::log(high / low) / (changes[middle + 1] - changes[middle - 1]));
@@ -353,18 +355,24 @@ std::vector<double> steps_within(double sigma, double step) {
   return out;
 }
 
+struct RatiosOfViews {
+  std::vector<double> logs;   // median of each view that has some
+  std::vector<double> bends;  // of the height by how the view's road bends, relative
+
+  void add(const std::vector<double>& ratios, double bend) {
+    if (ratios.empty()) return;
+    std::vector<double> all;
+    for (const double r : ratios) all.push_back(std::log(r));
+    logs.push_back(upper_median(&all));
+    bends.push_back(bend);
+  }
+};
+
 /// What broken lines of all views are with one focal length and height.
 struct BrokenLinesOfDrive {
   int strokes = 0;
-  std::vector<double> log_periods, log_widths;  // median of each view that has some
+  RatiosOfViews periods, widths;
 };
-
-void add_median(const std::vector<double>& ratios, std::vector<double>* out) {
-  if (ratios.empty()) return;
-  std::vector<double> logs;
-  for (const double r : ratios) logs.push_back(std::log(r));
-  out->push_back(upper_median(&logs));
-}
 
 std::vector<BrokenLinesOfDrive> look_for_lines(
     const Scene& scene, const std::vector<RoadView>& views,
@@ -391,23 +399,30 @@ std::vector<BrokenLinesOfDrive> look_for_lines(
       found[c] = broken_line_ratios(frame.gray, camera, stretched, ahead.normalized(), sizes,
                                     kScaleSigma, 1);
     });
+    const double bend = bend_of_road(view) * view.road.depth / view.road.height;
     for (std::size_t c = 0; c < candidates.size(); ++c) {
       out[c].strokes += found[c].strokes;
-      add_median(found[c].periods, &out[c].log_periods);
-      add_median(found[c].sidewise, &out[c].log_widths);
+      out[c].periods.add(found[c].periods, bend);
+      out[c].widths.add(found[c].sidewise, bend);
     }
   }
   return out;
 }
 
-/// @param least_sigma  of one view.
-std::optional<WeightedMean> mean_of_views(const std::vector<double>& logs, double least_sigma) {
+/// @param sigma  of a view whose road is a plane.
+std::optional<WeightedMean> mean_of_views(const RatiosOfViews& ratios, double sigma) {
   constexpr std::size_t kLeast = 2;
-  if (logs.size() < kLeast) return std::nullopt;
-  return weighted_mean(logs, std::vector<double>(logs.size(), least_sigma));
+  if (ratios.logs.size() < kLeast) return std::nullopt;
+  std::vector<double> sigmas;
+  for (const double bend : ratios.bends) sigmas.push_back(std::hypot(sigma, bend));
+  return weighted_mean(ratios.logs, sigmas);
 }
 
 }  // namespace
+
+double bend_of_road(const RoadView& view) {
+  return std::asin(std::min(1.0, std::abs(view.road.normal.dot(view.ahead))));
+}
 
 std::vector<RoadView> road_views(const std::vector<WindowBundle>& windows,
                                  const std::vector<int>& key_ids, std::size_t most) {
@@ -469,7 +484,7 @@ std::vector<CameraSource> vehicle_sources(const Scene& scene, const std::vector<
                                              given_support(scene.camera, detection, support),
                                              factors, options.fit);
     });
-    return measured(seen, numbers, changes, options.fit.noise.hypotheses);
+    return measured(seen, views, numbers, changes, options.fit.noise.hypotheses);
   };
   std::vector<double> changes = tried_changes(so_far.focal_sigma);
   std::vector<VehicleMeasurement> vehicles = measure(changes);
@@ -524,26 +539,26 @@ std::vector<CameraSource> marking_sources(const Scene& scene, const std::vector<
   }
   const ScaleNoise noise;
   const double of_a_view = options.noise.dashes_of_a_view;
-  const auto about = mean_of_views(coarse[best].log_periods, of_a_view);
+  const auto about = mean_of_views(coarse[best].periods, of_a_view);
   if (!about) return {};
   // Again with what was found: none of the lines is then at the end of what is looked for.
   Candidate at = candidates[best];
   (so_far.focal_sigma > so_far.height_sigma ? at.focal : at.height) -= about->value;
   const BrokenLinesOfDrive lines = look(views, {at}).front();
-  const auto periods = mean_of_views(lines.log_periods, of_a_view);
+  const auto periods = mean_of_views(lines.periods, of_a_view);
   if (!periods) return {};
   std::vector<CameraSource> out(1);
   CameraSource& dashes = out.front();
   dashes.name = "dashes";
-  dashes.phrase = fmt::format("broken lines of {} frames", lines.log_periods.size());
+  dashes.phrase = fmt::format("broken lines of {} frames", lines.periods.logs.size());
   dashes.by_focal = dashes.by_height = 1.0;
   dashes.value = so_far.log_focal + at.focal + so_far.log_height + at.height - periods->value;
   dashes.common = options.noise.dashes_common;
   dashes.sigma = std::hypot(periods->sigma, dashes.common);
-  if (const auto widths = mean_of_views(lines.log_widths, of_a_view)) {
+  if (const auto widths = mean_of_views(lines.widths, of_a_view)) {
     CameraSource lanes;
     lanes.name = "lane_widths";
-    lanes.phrase = fmt::format("lane widths in {} frames", lines.log_widths.size());
+    lanes.phrase = fmt::format("lane widths in {} frames", lines.widths.logs.size());
     lanes.by_height = 1.0;
     lanes.value = so_far.log_height + at.height - widths->value;
     lanes.common = noise.painted_lane;

@@ -21,6 +21,11 @@ struct RoadView {
   double along = 0.0;     ///< heights of the camera driven since the drive's start, about
 };
 
+/// How far the road bends between the camera and where it is seen: between its plane there and the
+/// way travelled, rad, >= 0. That plane, extended, misses the road under the camera by as much
+/// times the distance or by less.
+double bend_of_road(const RoadView& view);
+
 /// Of the windows that see the road the reference frames, at most so many, spread evenly.
 /// @param key_ids  frame ids of the drive's key frames.
 std::vector<RoadView> road_views(const std::vector<WindowBundle>& windows,

@@ -104,7 +104,11 @@ std::optional<WindowRoad> road_of_window(const CalibrationWindow& window) {
     best = plane_through(samples, weights);
   }
   if (agree < kLeastRoad || !plausible(best)) return std::nullopt;
-  return WindowRoad{-best.normalized(), 1.0 / best.norm(), agree};
+  std::vector<double> depths;
+  for (const RoadSample& s : samples) {
+    if (off(best, s) < kTolerance) depths.push_back(1.0 / s.inverse_depth);
+  }
+  return WindowRoad{-best.normalized(), 1.0 / best.norm(), agree, upper_median(&depths)};
 }
 
 std::vector<TravelStep> travel_steps(const CalibrationWindow& window) {

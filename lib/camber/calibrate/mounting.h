@@ -30,8 +30,9 @@ struct Mounting {
 /// n . r = -h / depth for r with z = 1.
 struct WindowRoad {
   Eigen::Vector3d normal;  ///< unit, up, reference camera
-  double height = 0.0;     ///< of the reference camera, units of the window
+  double height = 0.0;     ///< of the reference camera above this plane, units of the window
   int points = 0;          ///< that agree
+  double depth = 0.0;      ///< their median, units of the window
 };
 
 /// A robust plane through the points before the vehicle; nothing where too few agree on one.
