@@ -19,7 +19,6 @@ program's bytes too), and is not repeated.
 Exit code: 0, 1 if a run crashed, 2 for bad input.
 """
 
-import argparse
 import csv
 import json
 import os
@@ -31,7 +30,7 @@ import tempfile
 
 import drives_report
 from benchmark_json import BadInput, write_document
-from trust import Lines, Program, key_of, numbers_of
+from trust import Lines, Program, bench_parser, key_of, numbers_of, numbers_words
 from trust_scenes import (Scene, edited_manifest, last_line, make_steep_scenes, scenes_of_folder)
 
 FORMAT = 1         # of a run's line: part of each key
@@ -47,31 +46,14 @@ class Drive(Scene):
 
 
 def parse(words):
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = bench_parser(__doc__, "drives", "MAKE_DRIVE.PY", "0:3")
     add = parser.add_argument
-    add("--camber", type=pathlib.Path, default=pathlib.Path("build/release/bin/camber"),
-        metavar="PATH", help="default: build/release/bin/camber")
-    add("--maker", choices=("steep_scenes", "synth", "folder"), default="synth")
-    add("--steep-scenes", type=pathlib.Path, metavar="MAKE_DRIVE.PY", help="the maker's script")
-    add("--scenes", type=pathlib.Path, required=True, metavar="FOLDER",
-        help="where drives are made and found again")
-    add("--numbers", default="0:3", metavar="N|A:B,...", help="both ends; default: 0:3")
-    half = parser.add_mutually_exclusive_group()
-    half.add_argument("--odd", action="store_true", help="only odd numbers: those to report")
-    half.add_argument("--even", action="store_true", help="only even numbers: those to decide on")
     add("--frames", type=int, default=150, help="of a drive that synth makes")
     add("--every", type=int, default=10, metavar="N",
         help="vehicles are compared with those of reconstruct on every Nth frame; 0: not")
-    add("--no-masks", action="store_true")
-    add("--no-markings", action="store_true", help="their known sizes are not given")
     add("--seed", type=int, default=0, help="of heights")
     add("--threads", type=int, default=1)
-    add("--out", type=pathlib.Path, required=True, metavar="FOLDER", help="has runs.jsonl")
     add("--keep", type=pathlib.Path, metavar="FOLDER", help="keep the drives' results there")
-    add("--json", type=pathlib.Path, metavar="FILE", help="the report")
-    add("--tables", type=pathlib.Path, metavar="FILE", help="its tables for make_benchmark_md.py")
-    add("--report-only", action="store_true", help="of the runs that are there; make and run none")
     arguments = parser.parse_args(words)
     arguments.numbers = numbers_of(arguments)
     for name, least in (("threads", 1), ("every", 0), ("frames", 2)):
@@ -213,8 +195,8 @@ def drive_result(folder):
 
 def command_of(arguments):
     """What measures the same, without the folders of this machine."""
-    words = ["tests/benchmarks/drives.py", "--maker", arguments.maker, "--numbers",
-             ",".join(map(str, arguments.numbers))]
+    words = ["tests/benchmarks/drives.py", "--maker", arguments.maker,
+             *numbers_words(arguments.numbers)]
     for switch in ("no_masks", "no_markings"):
         if getattr(arguments, switch):
             words.append("--" + switch.replace("_", "-"))

@@ -99,38 +99,45 @@ class Lines:
             self.file.flush()
 
 
-def parse(words):
+def bench_parser(description, of, script, numbers):
+    """The options that benches over many scenes have alike; of: what a scene is called."""
     parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+        description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
     add = parser.add_argument
     add("--camber", type=pathlib.Path, default=pathlib.Path("build/release/bin/camber"),
         metavar="PATH", help="default: build/release/bin/camber")
     add("--maker", choices=("steep_scenes", "synth", "folder"), default="synth")
-    add("--steep-scenes", type=pathlib.Path, metavar="MAKE.PY", help="the maker's script")
+    add("--steep-scenes", type=pathlib.Path, metavar=script, help="the maker's script")
     add("--scenes", type=pathlib.Path, required=True, metavar="FOLDER",
-        help="where scenes are made and found again")
-    add("--numbers", default="0:9", metavar="N|A:B,...", help="both ends; default: 0:9")
+        help=f"where {of} are made and found again")
+    add("--numbers", default=numbers, metavar="N|A:B,...", help=f"both ends; default: {numbers}")
     half = parser.add_mutually_exclusive_group()
     half.add_argument("--odd", action="store_true", help="only odd numbers: those to report")
     half.add_argument("--even", action="store_true", help="only even numbers: those to decide on")
+    add("--no-masks", action="store_true")
+    add("--no-markings", action="store_true", help="their known sizes are not given")
+    add("--out", type=pathlib.Path, required=True, metavar="FOLDER", help="has runs.jsonl")
+    add("--json", type=pathlib.Path, metavar="FILE", help="the report")
+    add("--tables", type=pathlib.Path, metavar="FILE", help="its tables for make_benchmark_md.py")
+    add("--report-only", action="store_true", help="of the runs that are there; make and run none")
+    return parser
+
+
+def parse(words):
+    parser = bench_parser(__doc__, "scenes", "MAKE.PY", "0:9")
+    add = parser.add_argument
     add("--frames", default="1:3", metavar="FRAMES,...",
         help="runs of each scene: 1:3, 0:4:2, 0+2+4, none (the command's own choice), none@40 (that "
              "about frame 40)")
-    add("--no-masks", action="store_true")
     add("--no-detections", action="store_true")
-    add("--no-markings", action="store_true", help="their known sizes are not given")
     add("--poses", action="store_true", help="the true poses are given")
     add("--speed", action="store_true", help="the true speeds are given, with a draw of 2 %%")
     add("--coder", default="", metavar="CODER:KBIT", help="h264:300, h265:300")
     add("--faults", default="none", metavar="FAULT,...", help="a run of each with each")
     add("--seed", type=int, default=0, help="of heights and faults")
     add("--jobs", type=int, default=1, help="runs at a time, one thread each")
-    add("--out", type=pathlib.Path, required=True, metavar="FOLDER", help="has runs.jsonl")
-    add("--json", type=pathlib.Path, metavar="FILE", help="the report")
-    add("--tables", type=pathlib.Path, metavar="FILE", help="its tables for make_benchmark_md.py")
     add("--worst", type=pathlib.Path, metavar="FOLDER",
         help="run the worst once more, with pictures, to look at")
-    add("--report-only", action="store_true", help="of the runs that are there; make and run none")
     arguments = parser.parse_args(words)
     arguments.numbers = numbers_of(arguments)
     arguments.frames = list(dict.fromkeys(arguments.frames.split(",")))
@@ -352,16 +359,20 @@ def main(words=None):
         return 2
 
 
+def numbers_words(numbers):
+    step = 2 if len({n % 2 for n in numbers}) == 1 else 1
+    whole = numbers == list(range(numbers[0], numbers[-1] + 1, step))
+    words = ["--numbers", f"{numbers[0]}:{numbers[-1]}" if whole else ",".join(map(str, numbers))]
+    if step == 2 and whole and len(numbers) > 1:
+        words.append("--odd" if numbers[0] % 2 else "--even")
+    return words
+
+
 def command_of(arguments):
     """What measures the same, without the folders of this machine."""
     words = ["tests/benchmarks/trust.py", "--maker", arguments.maker, "--frames",
              ",".join(arguments.frames), "--faults", ",".join(arguments.faults)]
-    numbers = arguments.numbers
-    step = 2 if len({n % 2 for n in numbers}) == 1 else 1
-    whole = numbers == list(range(numbers[0], numbers[-1] + 1, step))
-    words += ["--numbers", f"{numbers[0]}:{numbers[-1]}" if whole else ",".join(map(str, numbers))]
-    if step == 2 and whole and len(numbers) > 1:
-        words.append("--odd" if numbers[0] % 2 else "--even")
+    words += numbers_words(arguments.numbers)
     for switch in ("no_masks", "no_detections", "no_markings", "poses", "speed"):
         if getattr(arguments, switch):
             words.append("--" + switch.replace("_", "-"))

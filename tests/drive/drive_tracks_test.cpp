@@ -28,7 +28,6 @@ Pass make_pass(int frames, const Eigen::Vector3d& place, double speed, double fa
     out.times[k] = 0.1 * k;
     WindowMeasurement w;
     w.reference = w.vehicles.id = k;
-    w.frames = {k};
     VehicleEstimate v;
     v.id = 1;
     v.vehicle_class = "car";
@@ -38,7 +37,9 @@ Pass make_pass(int frames, const Eigen::Vector3d& place, double speed, double fa
     v.covariance = Eigen::Matrix<double, 9, 9>::Identity() * std::pow(0.03 * here.norm(), 2);
     w.vehicles.vehicles = {v};
     for (const int other : {k - 1, k, k + 1}) {
-      if (other >= 0 && other < frames) w.tracked.push_back({other, 1, 0});
+      if (other < 0 || other >= frames) continue;
+      w.frames.push_back(other);
+      w.tracked.push_back({other, 1, 0});
     }
     out.windows.push_back(std::move(w));
   }
@@ -127,6 +128,30 @@ TEST(DriveTracks, AMovingVehicleKeepsItsOwnPlaces) {
                views.front().world_from_vehicle.translation())
                   .norm(),
               12.0 * 1.4, 1e-6);
+}
+
+TEST(DriveTracks, AnOncomingVehicleHasTheSizeOfItsNearViews) {
+  // From 60 m to 8: the ground is 8 % too near beyond 25 m, and the size with it.
+  Pass pass = make_pass(27, {-2.0, 1.5, 60.0}, -10.0, 1.0);
+  for (WindowMeasurement& w : pass.windows) {
+    VehicleEstimate& v = w.vehicles.vehicles[0];
+    const double factor = v.pose.bottom_center().norm() > 25.0 ? 0.92 : 1.0;
+    v.pose.camera_from_vehicle.set_translation(factor * v.pose.bottom_center());
+    v.pose.dimensions = {factor * 4.2, factor * 1.8, factor * 1.5};
+  }
+  const DriveTracks found = join_tracks(pass.windows, pass.trajectory, pass.times);
+  ASSERT_EQ(found.tracks.size(), 1U);
+  EXPECT_FALSE(found.tracks[0].parked);
+  EXPECT_NEAR(found.tracks[0].dimensions.width, 1.8, 0.05);
+  const VehicleEstimate& far = found.vehicles.frames[0].vehicles[0];
+  const double range = Eigen::Vector3d(-2.0, 1.5, 60.0).norm();
+  EXPECT_NEAR(far.pose.bottom_center().norm(), range, 0.03 * range);
+  EXPECT_EQ(far.pose.dimensions.width, found.tracks[0].dimensions.width);
+  // Across the ray it stays where it was seen.
+  EXPECT_NEAR(far.pose.bottom_center().x() / far.pose.bottom_center().z(), -2.0 / 60.0, 1e-9);
+  const double sigma = std::sqrt(far.covariance(2, 2)) / range;
+  EXPECT_GT(sigma, 0.01);
+  EXPECT_LT(sigma, 0.04);  // 2 % of the angle, 2 to 3 of the size; by the ground alone 12 %
 }
 
 TEST(DriveTracks, TwoDetectionsOfAFrameAreNeverOneTrack) {

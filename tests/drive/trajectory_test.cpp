@@ -4,6 +4,7 @@
 
 #include <Eigen/Cholesky>
 #include <cmath>
+#include <limits>
 #include <vector>
 
 #include "camber/core/random.h"
@@ -181,6 +182,36 @@ TEST(Trajectory, AFrameThatIsNotFoundSpoilsNoWindow) {
     // Two windows of 0.3 % of 2 m and 2 % of the length.
     EXPECT_LT((step.translation() - truth.translation()).head<2>().norm(), 0.02) << k;
     EXPECT_NEAR(step.translation().z(), 1.0, 0.04) << k;
+  }
+}
+
+TEST(Trajectory, WindowsWhoseMotionIsNoNumberAreLeftOut) {
+  MadeWindows made = make_windows(40, 13, 0.0);
+  made.windows[10].frame_from_reference[1].set_translation(
+      Eigen::Vector3d::Constant(std::numeric_limits<double>::quiet_NaN()));
+  made.windows[15].frame_from_reference[0].set_translation({0.0, 1e300, 0.0});
+  made.windows[20].covariance(3, 3) = std::numeric_limits<double>::infinity();
+  made.windows[25].covariance.resize(6, 6);
+  made.windows[30].log_scale = std::numeric_limits<double>::quiet_NaN();
+  const Trajectory found = smooth_trajectory(made.ids, made.windows);
+  ASSERT_EQ(found.poses.size(), made.truth.size());
+  for (std::size_t k = 0; k < made.truth.size(); ++k) {
+    const SE3 off = made.truth[k].inverse() * found.poses[k].world_from_camera;
+    EXPECT_LT(off.translation().norm(), 1e-6) << k;
+    EXPECT_EQ(found.poses[k].status, Status::kOk);
+  }
+}
+
+TEST(Trajectory, WithoutAnySoundWindowHoldsStillAndSaysSo) {
+  MadeWindows made = make_windows(10, 13, 0.0);
+  for (WindowMeasurement& w : made.windows) {
+    w.frame_from_reference[0].set_translation({1e300, 0.0, 0.0});
+  }
+  const Trajectory found = smooth_trajectory(made.ids, made.windows);
+  ASSERT_EQ(found.poses.size(), 10U);
+  for (const TrajectoryPose& pose : found.poses) {
+    EXPECT_EQ(pose.status, Status::kNotObservable);
+    EXPECT_TRUE(pose.world_from_camera.translation().allFinite());
   }
 }
 

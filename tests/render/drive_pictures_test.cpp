@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <fstream>
 #include <nlohmann/json.hpp>
@@ -90,6 +91,9 @@ TEST(DrivePainter, DrawsFramesOfOneSize) {
     const Image picture = painter.picture(overlay, frame);
     EXPECT_EQ(picture.width, painter.width());
     EXPECT_EQ(picture.height, painter.height());
+    const std::ptrdiff_t half_row = 3 * (picture.width / 2);
+    EXPECT_EQ(std::count(picture.data.end() - half_row, picture.data.end(), 255), half_row)
+        << "the plots are cut off";
     // The road ahead is painted, the sky is not.
     const auto at = [&](int x, int y) {
       const std::uint8_t* p =

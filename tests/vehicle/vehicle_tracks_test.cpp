@@ -230,6 +230,25 @@ TEST(FindTracks, ACarThatClimbsIsNotTakenForTheOneBeforeIt) {
   EXPECT_EQ(find_tracks(camera, frames, parked)[1], std::vector<int>{1});
 }
 
+// Of two cars that overlap in the image one is missed in the second image, the other in the third:
+// the one that was missed goes on where it was.
+TEST(FindTracks, OneThatWasMissedIsARivalOfItsNeighbour) {
+  const PinholeCamera camera{1242, 468, 700.0, 700.0, 600.0, 200.0};
+  const Eigen::Vector3d left(0.0, 1.6, 20.0), right(0.7, 1.6, 20.0);
+  std::vector<TrackFrame> frames(3);
+  for (int k = 0; k < 3; ++k) frames[k].time_s = 0.1 * k;
+  add_climbing_car(camera, left, 0, &frames[0]);
+  add_climbing_car(camera, right, 1, &frames[0]);
+  add_climbing_car(camera, left, 0, &frames[1]);
+  add_climbing_car(camera, right, 0, &frames[2]);
+  ASSERT_GT(intersection_over_union(frames[1].detections[0].box, frames[2].detections[0].box),
+            AssociationGates().overlap);
+  const auto tracks = find_tracks(camera, frames);
+  EXPECT_EQ(tracks[0], (std::vector<int>{0, 1}));
+  EXPECT_EQ(tracks[1], std::vector<int>{0});
+  EXPECT_EQ(tracks[2], std::vector<int>{1});
+}
+
 TEST(FindTracks, GivenTracksAreTaken) {
   Clip clip = make_clip({}, {{1, 0.0}, {2, 0.0}});
   for (TrackFrame& frame : clip.frames) {

@@ -3,48 +3,15 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
-#include <numeric>
 #include <optional>
-#include <set>
 
+#include "camber/drive/detail/track_joining.h"
 #include "camber/drive/detail/track_rejection.h"
 
 namespace camber {
 namespace {
 
-/// A detection: frame id, id within the frame.
-using Detection = std::pair<int, int>;
-
-/// Groups of detections of which no two are of one frame.
-class TrackSets {
- public:
-  void add(const Detection& d) {
-    if (index_.emplace(d, parent_.size()).second) {
-      parent_.push_back(parent_.size());
-      frames_.push_back({d.first});
-    }
-  }
-  void join(const Detection& a, const Detection& b) {
-    std::size_t x = root(index_.at(a)), y = root(index_.at(b));
-    if (x == y) return;
-    if (frames_[x].size() < frames_[y].size()) std::swap(x, y);
-    const bool meet = std::any_of(frames_[y].begin(), frames_[y].end(),
-                                  [&](int frame) { return frames_[x].count(frame) > 0; });
-    if (meet) return;
-    parent_[y] = x;
-    frames_[x].insert(frames_[y].begin(), frames_[y].end());
-  }
-  std::size_t set_of(const Detection& d) { return root(index_.at(d)); }
-
- private:
-  std::size_t root(std::size_t i) {
-    while (parent_[i] != i) i = parent_[i] = parent_[parent_[i]];
-    return i;
-  }
-  std::map<Detection, std::size_t> index_;
-  std::vector<std::size_t> parent_;
-  std::vector<std::set<int>> frames_;
-};
+using internal::Detection;
 
 /// An estimate of a track in its own camera.
 struct Seen {
@@ -200,6 +167,14 @@ internal::MeasuredLength height_above(const Seen& view, const Path& stands) {
   return out;
 }
 
+internal::TrackPlace place_of(const Seen& view) {
+  const Eigen::Matrix3d turn = view.world_from_camera.rotation_matrix();
+  const Eigen::Vector3d along = kOwnRange * view.measured();
+  const Eigen::Matrix3d covariance = view.information.inverse() + along * along.transpose();
+  return {view.time, view.world_from_camera * view.measured(),
+          turn * covariance * turn.transpose()};
+}
+
 internal::TrackEvidence evidence_of(const DriveTrack& track, const std::vector<Seen>& seen,
                                     const std::optional<Path>& parked, bool metric) {
   internal::TrackEvidence out;
@@ -215,12 +190,7 @@ internal::TrackEvidence evidence_of(const DriveTrack& track, const std::vector<S
   }
   if (!metric) return out;
   for (const Seen& view : seen) {
-    if (!is_placed(view)) continue;
-    const Eigen::Matrix3d turn = view.world_from_camera.rotation_matrix();
-    const Eigen::Vector3d along = kOwnRange * view.measured();
-    const Eigen::Matrix3d covariance = view.information.inverse() + along * along.transpose();
-    out.places.push_back({view.time, view.world_from_camera * view.measured(),
-                          turn * covariance * turn.transpose()});
+    if (is_placed(view)) out.places.push_back(place_of(view));
   }
   std::stable_sort(out.places.begin(), out.places.end(),
                    [](const auto& a, const auto& b) { return a.time_s < b.time_s; });
@@ -248,6 +218,68 @@ Dimensions mean_dimensions(const std::vector<Seen>& seen) {
   }
   sum /= weights;
   return {sum.x(), sum.y(), sum.z()};
+}
+
+/// One size of a vehicle that moves. The error of the ground under it grows with the distance, and
+/// the size goes with it: near views tell it.
+struct SizeByNear {
+  Dimensions dimensions;
+  double sigma = 0.0;  // relative
+};
+
+constexpr double kAngularSigma = 0.02;  // relative, of size over distance
+constexpr double kGroundSigma = 0.002;  // a metre: relative, of a distance by the ground
+constexpr double kSizeByNear = 0.02;    // relative, that all views share
+
+SizeByNear size_by_near(const std::vector<Seen>& seen) {
+  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+  double weights = 0.0;
+  for (const Seen& view : seen) {
+    const double ground = kGroundSigma * view.measured().norm();
+    const double weight = 1.0 / (kAngularSigma * kAngularSigma + ground * ground);
+    const Dimensions& d = view.vehicle->pose.dimensions;
+    sum += weight * Eigen::Vector3d(d.length, d.width, d.height);
+    weights += weight;
+  }
+  sum /= weights;
+  const double alike = std::min(kViewsAlike, static_cast<double>(seen.size()));
+  return {{sum.x(), sum.y(), sum.z()}, std::sqrt(kSizeByNear * kSizeByNear + alike / weights)};
+}
+
+/// How wide a vehicle is across the ray, m.
+double width_across(const Dimensions& d, const OrientedBox& pose) {
+  const Eigen::Vector3d ray = pose.bottom_center().normalized();
+  const Eigen::Matrix3d axes = pose.camera_from_vehicle.rotation_matrix();
+  const double along = ray.dot(axes.col(0)), across = ray.dot(axes.col(2));
+  return d.width * std::sqrt(std::max(0.0, 1.0 - across * across)) +
+         d.length * std::sqrt(std::max(0.0, 1.0 - along * along));
+}
+
+/// A view given the one size: along its ray to where it appears as large.
+VehicleEstimate given_size(const Seen& view, const SizeByNear& size) {
+  VehicleEstimate out = *view.vehicle;
+  const Dimensions &own = out.pose.dimensions, &one = size.dimensions;
+  const double larger = 0.5 * (std::log(one.height / own.height) +
+                               std::log(width_across(one, out.pose) / width_across(own, out.pose)));
+  const Eigen::Vector3d measured = view.measured();
+  const double range = measured.norm();
+  const Eigen::Vector3d ray = measured / range;
+  const Eigen::Matrix3d place = view.information.inverse();
+  const double by_ground =
+      ray.dot(place * ray) / (range * range) + std::pow(kGroundSigma * range, 2);
+  const double by_size = kAngularSigma * kAngularSigma + size.sigma * size.sigma;
+  const double variance = 1.0 / (1.0 / by_ground + 1.0 / by_size);
+  const Eigen::Vector3d shift = std::expm1(larger * variance / by_size) * measured;
+  out.pose.camera_from_vehicle.set_translation(measured + shift);
+  out.pose.dimensions = one;
+  for (Eigen::Vector3d& k : out.keypoints) k += shift;
+  const Eigen::Matrix3d beside = Eigen::Matrix3d::Identity() - ray * ray.transpose();
+  out.covariance.topLeftCorner<3, 3>() =
+      beside * place * beside + variance * range * range * ray * ray.transpose();
+  out.covariance.block<3, 6>(0, 3).setZero();
+  out.covariance.block<6, 3>(3, 0).setZero();
+  out.plane = Plane::through(out.pose.bottom_center(), out.plane.normal);
+  return out;
 }
 
 /// The heading of greatest weight: views that see a vehicle the other way round are turned.
@@ -280,36 +312,31 @@ std::size_t DriveTracks::num_rejected() const {
 DriveTracks join_tracks(const std::vector<WindowMeasurement>& windows, const Trajectory& trajectory,
                         const std::map<int, double>& time_of, const VehiclePrior* prior) {
   DriveTracks out;
-  TrackSets sets;
-  for (const WindowMeasurement& window : windows) {
-    for (const VehicleEstimate& v : window.vehicles.vehicles) {
-      sets.add({window.reference, v.id});
-    }
-    for (const auto& t : window.tracked) sets.add({t.frame, t.id});
-  }
-  for (const WindowMeasurement& window : windows) {
-    std::map<int, Detection> first;
-    for (const auto& t : window.tracked) {
-      const auto [at, is_new] = first.emplace(t.track, Detection{t.frame, t.id});
-      if (!is_new) sets.join(at->second, {t.frame, t.id});
-    }
-  }
-  std::map<std::size_t, std::vector<Seen>> members;
-  std::vector<std::size_t> order;
+  std::map<Detection, Seen> views;
   for (const WindowMeasurement& window : windows) {
     const TrajectoryPose* pose = trajectory.find(window.reference);
     if (!pose) continue;
+    const auto time = time_of.find(window.reference);
     for (const VehicleEstimate& v : window.vehicles.vehicles) {
-      const std::size_t set = sets.set_of({window.reference, v.id});
-      if (members.find(set) == members.end()) order.push_back(set);
-      const auto time = time_of.find(window.reference);
-      members[set].push_back({&v, window.reference, time == time_of.end() ? 0.0 : time->second,
-                              pose->world_from_camera, information_of(v)});
+      views[{window.reference, v.id}] = {&v, window.reference,
+                                         time == time_of.end() ? 0.0 : time->second,
+                                         pose->world_from_camera, information_of(v)};
     }
   }
+  std::map<Detection, internal::PlacedDetection> placed;
+  for (const auto& [detection, view] : views) {
+    if (!trajectory.metric || view.vehicle->status == Status::kFailed) continue;
+    placed[detection] = {view.vehicle->vehicle_class, place_of(view)};
+  }
   std::map<Detection, VehicleEstimate> answers;
-  for (const std::size_t set : order) {
-    const std::vector<Seen>& seen = members[set];
+  const VehiclePrior& sizes = prior ? *prior : shipped_vehicle_prior();
+  for (const std::vector<Detection>& group : internal::join_detections(windows, placed)) {
+    std::vector<Seen> seen;
+    for (const Detection& d : group) {
+      const auto view = views.find(d);
+      if (view != views.end()) seen.push_back(view->second);
+    }
+    if (seen.empty()) continue;
     DriveTrack track;
     track.id = static_cast<int>(out.tracks.size()) + 1;
     track.vehicle_class = seen.front().vehicle->vehicle_class;
@@ -319,11 +346,17 @@ DriveTracks join_tracks(const std::vector<WindowMeasurement>& windows, const Tra
     const Eigen::Quaterniond heading = mean_rotation(seen);
     if (parked) track.covariance = parked->covariance;
     if (seen.size() >= 3) {
-      track.rejected = internal::why_no_vehicle(evidence_of(track, seen, parked, trajectory.metric),
-                                                prior ? *prior : shipped_vehicle_prior());
+      track.rejected =
+          internal::why_no_vehicle(evidence_of(track, seen, parked, trajectory.metric), sizes);
+    }
+    std::optional<SizeByNear> size;
+    if (!parked && trajectory.metric && seen.size() >= 3) {
+      size = size_by_near(seen);
+      track.dimensions = size->dimensions;
     }
     for (const Seen& view : seen) {
-      VehicleEstimate v = *view.vehicle;
+      const bool known = view.vehicle->status != Status::kFailed;
+      VehicleEstimate v = size && known ? given_size(view, *size) : *view.vehicle;
       v.track = track.id;
       SE3 world_from_vehicle = view.world_from_camera * v.pose.camera_from_vehicle;
       if (parked) {

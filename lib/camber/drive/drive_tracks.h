@@ -40,10 +40,11 @@ struct DriveTracks {
   std::size_t num_rejected() const;
 };
 
-/// Joins the vehicles of windows into tracks: detections that a window takes for one vehicle are
-/// one, never two of one frame. Parked ones have one place in the world, by all their views; a
-/// moving one keeps its own estimates with the size of all. A track of three views or more whose
-/// size, height above the road or motion no vehicle has is rejected.
+/// Joins the vehicles of windows into tracks: detections that windows take for one vehicle are one
+/// where its motion on the road allows it, never two of one frame; one that was hidden for up to 3 s
+/// goes on. Parked ones have one place in the world, by all their views. A moving one has the size
+/// of its near views, and of its own estimates what agrees with that along each ray. A track of
+/// three views or more whose size, height above the road or motion no vehicle has is rejected.
 /// @param windows   in the order of their references.
 /// @param time_of   s, by frame id.
 /// @param prior     not owned; nullptr: the shipped one.

@@ -77,15 +77,6 @@ RoadStrip strip_of(const WindowLog& log, const Trajectory& trajectory,
   return out;
 }
 
-/// Vehicles keep their sizes, which the prior holds, and move along their rays.
-void move_along_rays(double factor, std::vector<VehicleEstimate>* vehicles) {
-  for (VehicleEstimate& v : *vehicles) {
-    const Eigen::Vector3d shift = (factor - 1.0) * v.pose.bottom_center();
-    v.pose.camera_from_vehicle.set_translation(v.pose.bottom_center() + shift);
-    for (Eigen::Vector3d& k : v.keypoints) k += shift;
-  }
-}
-
 /// What is light of all windows, by reference.
 std::vector<WindowMeasurement> windows_without_roads(const WindowLog& log) {
   std::vector<WindowMeasurement> out;
@@ -182,10 +173,6 @@ DriveResult run_drive(const Scene& scene, const std::vector<int>& frame_ids,
                     camera_feet(out.trajectory, roads, out.document), options.strip);
   });
   out.tracks = run("vehicles", 0.98, [&] {
-    for (WindowMeasurement& w : windows) {
-      const auto factor = factors.find(w.reference);
-      if (factor != factors.end()) move_along_rays(factor->second, &w.vehicles.vehicles);
-    }
     std::map<int, double> times;
     for (const DriveFrame& frame : out.document.frames) times[frame.id] = frame.time_s;
     return join_tracks(windows, out.trajectory, times, options.window.vehicles.fit.prior);

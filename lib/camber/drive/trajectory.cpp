@@ -9,6 +9,7 @@
 #include <optional>
 #include <utility>
 
+#include "camber/core/errors.h"
 #include "camber/drive/detail/window_scales.h"
 #include "camber/road/detail/banded_ldlt.h"
 
@@ -49,14 +50,20 @@ class Smoother {
     constexpr int kIterations = 12, kAgain = 4;
     iterate(kIterations, true);
     assemble(true);
-    if (!factor_.factorise(normal_)) return Trajectory();
+    factorise();
     scale_variance_ = variance_of_unit_weight();
     iterate(kAgain, false);
     assemble(true);
-    return factor_.factorise(normal_) ? handed_out() : Trajectory();
+    factorise();
+    return handed_out();
   }
 
  private:
+  void factorise() {
+    if (factor_.factorise(normal_)) return;
+    throw NoAnswerError("the windows of the drive have no trajectory in common");
+  }
+
   void iterate(int times, bool from_scratch) {
     constexpr double kSettled = 1e-7;
     for (int iteration = 0; iteration < times; ++iteration) {

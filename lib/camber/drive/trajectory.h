@@ -105,10 +105,12 @@ struct Trajectory {
 /// their motion up to their scale, their scales by the road; both with heavy tails. The world is
 /// the first frame's camera.
 /// @param frame_ids  every frame taken, ascending.
-/// @param windows    in the order of their references.
+/// @param windows    in the order of their references. One whose motion is not finite, or not in
+///                   baselines, is left out.
 /// @param times      s, of every frame; empty: nothing is known of speeds.
 /// @param map        positions hold the trajectory where it would drift; how the map lies in the
 ///                   world (a turn about the vertical and a shift) is estimated, too. Null: none.
+/// @throws NoAnswerError if the equations of the windows have no solution.
 Trajectory smooth_trajectory(const std::vector<int>& frame_ids,
                              const std::vector<WindowMeasurement>& windows,
                              const TrajectoryNoise& noise = {},

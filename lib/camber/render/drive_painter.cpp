@@ -42,6 +42,12 @@ int whole_blocks(int value) {
 
 int even(double value) { return 2 * std::max(1, static_cast<int>(std::lround(0.5 * value))); }
 
+constexpr int kPlots = 2;            // beside the view from above
+constexpr int kLeastPlot = 120;      // px, of a panel
+constexpr double kPlotMargin = 0.8;  // of the text's size, about a panel
+
+double least_plot(double text) { return kLeastPlot + kPlotMargin * text; }
+
 /// A frame's camera in plan, strip frame.
 struct PlanView {
   Vector2d eye = Vector2d::Zero();
@@ -81,8 +87,9 @@ struct DrivePainter::Impl {
   std::string caption(std::size_t frame) const;
 
   const DriveContent& content;
-  int overlay_width, width, overlay_height, panel_height;
+  int overlay_width, width;
   double text;  // pixels
+  int overlay_height, panel_height;
   double half_cell;
   std::vector<ProfilePoint> profile;
   std::pair<double, double> grades;
@@ -98,11 +105,13 @@ DrivePainter::Impl::Impl(const DriveContent& c)
     : content(c),
       overlay_width(std::clamp(c.camera.width, kNarrowest, kWidest)),
       width(whole_blocks(overlay_width)),
+      text(std::max(12.0, width / 72.0)),
       overlay_height(std::max(
           1, static_cast<int>(std::lround(c.camera.height *
                                           (static_cast<double>(overlay_width) / c.camera.width))))),
-      panel_height(whole_blocks(overlay_height + even(0.28 * width)) - overlay_height),
-      text(std::max(12.0, width / 72.0)),
+      panel_height(
+          whole_blocks(overlay_height + even(std::max(0.28 * width, kPlots * least_plot(text)))) -
+          overlay_height),
       half_cell(half_pitch(*c.strip)),
       profile(drive_profile(c)),
       grades(grade_range(profile)),
@@ -117,7 +126,7 @@ DrivePainter::Impl::Impl(const DriveContent& c)
     style.text_size = text;
     const auto panels = static_cast<double>(sheet.panels.size());
     style.panel_height =
-        std::max(120, static_cast<int>((panel_height - 0.8 * text * panels) / panels));
+        std::max(kLeastPlot, static_cast<int>(panel_height / panels - kPlotMargin * text));
     plots = draw_plots(sheet, style);
     axes = plot_axes(sheet, style);
   } catch (const NoAnswerError&) {

@@ -20,7 +20,8 @@ void choose_votes(const TrajectoryNoise& noise, std::vector<Measurement>* measur
   bool metric = false;
   for (Measurement& m : *measured) {
     const WindowMeasurement& w = *m.window;
-    m.votes = w.log_scale && std::hypot(w.scale_sigma, w.common_scale_sigma) <= noise.weakest_scale;
+    m.votes = w.log_scale && std::isfinite(*w.log_scale) &&
+              std::hypot(w.scale_sigma, w.common_scale_sigma) <= noise.weakest_scale;
     metric = metric || (m.votes && w.metric);
   }
   for (Measurement& m : *measured) m.votes = m.votes && m.window->metric == metric;
@@ -40,6 +41,18 @@ void choose_votes(const TrajectoryNoise& noise, std::vector<Measurement>* measur
     for (auto other = std::next(m); other != measured->end() && add(*other); ++other) {
     }
   }
+}
+
+/// Whether a window's motion is what its type promises; one that is not would carry all poses away.
+bool has_sound_motion(const WindowMeasurement& w) {
+  constexpr double kMost = 2.0;  // baselines: the longest has length 1, but for its noise
+  const auto size = static_cast<Eigen::Index>(w.frame_from_reference.size());
+  if (size < 2 || w.covariance.rows() != kPose * (size - 1)) return false;
+  if (w.covariance.cols() != w.covariance.rows() || !w.covariance.allFinite()) return false;
+  return std::all_of(
+      w.frame_from_reference.begin(), w.frame_from_reference.end(), [](const SE3& pose) {
+        return pose.rotation().coeffs().allFinite() && pose.translation().norm() <= kMost;
+      });
 }
 
 Eigen::Vector3d center_in_reference(const WindowMeasurement& w, std::size_t k) {
@@ -75,7 +88,7 @@ std::vector<Measurement> measurements_of(const std::vector<int>& ids,
                                          const TrajectoryNoise& noise) {
   std::vector<Measurement> out;
   for (const WindowMeasurement& window : windows) {
-    if (window.frame_from_reference.size() < 2) continue;
+    if (!has_sound_motion(window)) continue;
     Measurement m;
     m.window = &window;
     m.reference = window.index_of_reference();

@@ -26,7 +26,8 @@ struct Measurement {
 /// @param squared  sum over `dimension` of squared normalised residuals.
 double student_weight(double squared, double dimension, double freedom);
 
-/// Windows that have a motion, in their order, with whether they vote.
+/// Windows that have a motion, in their order, with whether they vote. One whose poses or
+/// covariance are no numbers, or whose translations are no baselines, has none.
 /// @param ids  every frame of the drive, ascending; those of the windows among them.
 std::vector<Measurement> measurements_of(const std::vector<int>& ids,
                                          const std::vector<WindowMeasurement>& windows,

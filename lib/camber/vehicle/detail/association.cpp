@@ -59,42 +59,53 @@ std::vector<Prediction> predictions(const PinholeCamera& camera, const TrackFram
   return out;
 }
 
-/// Gives detections of frame t without a number those of frame s that they overlap best, greedily.
-void join_frames(const PinholeCamera& camera, const std::vector<TrackFrame>& frames, std::size_t s,
-                 std::size_t t, const AssociationGates& gates,
-                 std::vector<std::vector<int>>* numbers) {
-  struct Pair {
-    double overlap;
-    std::size_t i, j;
-  };
+/// An earlier detection's number and a detection of frame t that its vehicle may be.
+struct Candidate {
+  double overlap;
+  int number;
+  std::size_t detection;
+};
+
+/// Detections of frame t without a number and those of frame s that they may be.
+void add_candidates(const PinholeCamera& camera, const std::vector<TrackFrame>& frames,
+                    std::size_t s, std::size_t t, const AssociationGates& gates,
+                    const std::vector<std::vector<int>>& numbers, std::vector<Candidate>* out) {
   const std::vector<VehicleDetection>&earlier = frames[s].detections, &now = frames[t].detections;
-  std::vector<int>& own = (*numbers)[t];
-  std::vector<Pair> pairs;
   for (std::size_t i = 0; i < earlier.size(); ++i) {
-    const int number = (*numbers)[s][i];
+    const int number = numbers[s][i];
     if (earlier[i].track >= 0) continue;
     if (t > s + 1) {  // it goes on in the frame between
-      const std::vector<int>& between = (*numbers)[t - 1];
+      const std::vector<int>& between = numbers[t - 1];
       if (std::find(between.begin(), between.end(), number) != between.end()) continue;
     }
     const std::vector<Prediction> predicted = predictions(camera, frames[s], i, frames[t], gates);
     for (std::size_t j = 0; j < now.size(); ++j) {
-      if (own[j] >= 0 || now[j].track >= 0) continue;
-      if (now[j].vehicle_class != earlier[i].vehicle_class) continue;
+      if (now[j].track >= 0 || now[j].vehicle_class != earlier[i].vehicle_class) continue;
       double overlap = 0.0;
       for (const Prediction& p : predicted) {
         overlap = std::max(overlap, p.weight * intersection_over_union(p.box, now[j].box));
       }
-      if (overlap >= gates.overlap) pairs.push_back({overlap, i, j});
+      if (overlap >= gates.overlap) out->push_back({overlap, number, j});
     }
   }
-  std::stable_sort(pairs.begin(), pairs.end(),
-                   [](const Pair& a, const Pair& b) { return a.overlap > b.overlap; });
-  std::vector<bool> used(earlier.size());
-  for (const Pair& p : pairs) {
-    if (used[p.i] || own[p.j] >= 0) continue;
-    used[p.i] = true;
-    own[p.j] = (*numbers)[s][p.i];
+}
+
+/// Gives detections of frame t the numbers of those of the last frames that they overlap best,
+/// greedily: one that was not found in the frame before is a rival of one that was.
+void join_frame(const PinholeCamera& camera, const std::vector<TrackFrame>& frames, std::size_t t,
+                const AssociationGates& gates, std::vector<std::vector<int>>* numbers) {
+  constexpr std::size_t kBack = 2;  // frames
+  std::vector<Candidate> candidates;
+  for (std::size_t back = 1; back <= kBack && back <= t; ++back) {
+    add_candidates(camera, frames, t - back, t, gates, *numbers, &candidates);
+  }
+  std::stable_sort(candidates.begin(), candidates.end(),
+                   [](const Candidate& a, const Candidate& b) { return a.overlap > b.overlap; });
+  std::vector<int>& own = (*numbers)[t];
+  for (const Candidate& c : candidates) {
+    if (own[c.detection] >= 0) continue;
+    if (std::find(own.begin(), own.end(), c.number) != own.end()) continue;
+    own[c.detection] = c.number;
   }
 }
 
@@ -122,9 +133,7 @@ std::vector<std::vector<int>> find_tracks(const PinholeCamera& camera,
       next += fresh ? 1 : 0;
       out[t][j] = it->second;
     }
-    for (std::size_t back = 1; back <= 2 && back <= t; ++back) {
-      join_frames(camera, frames, t - back, t, gates, &out);
-    }
+    join_frame(camera, frames, t, gates, &out);
     for (std::size_t j = 0; j < now.size(); ++j) {
       if (out[t][j] < 0) out[t][j] = next++;
     }

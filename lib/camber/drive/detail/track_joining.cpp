@@ -1,0 +1,294 @@
+#include "camber/drive/detail/track_joining.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+#include <iterator>
+#include <limits>
+#include <optional>
+#include <set>
+#include <string>
+#include <tuple>
+
+namespace camber::internal {
+namespace {
+
+constexpr double kMostSquared = 16.0;    // squared Mahalanobis distance of two parts' places
+constexpr double kViewsAlike = 5.0;      // neighbouring windows share their errors
+constexpr double kSpeedSigma = 15.0;     // m/s, an axis
+constexpr double kAcceleration = 2.0;    // m^2 / s^3, as TrajectoryNoise::acceleration_density
+constexpr double kLongestHidden = 3.0;   // s
+constexpr double kPlainly = 9.0;         // less cost of one that moves
+constexpr std::size_t kViewsAbout = 10;  // that tell how a moving vehicle goes on
+/// m, a car's length: where a place is known no better another vehicle may stand.
+constexpr double kMostSigma = 5.0;
+
+using Places = std::vector<TrackPlace>;
+
+/// Groups of detections of which no two are of one frame.
+class TrackSets {
+ public:
+  void add(const Detection& d) {
+    if (index_.emplace(d, parent_.size()).second) {
+      parent_.push_back(parent_.size());
+      members_.push_back({d});
+    }
+  }
+  void join(const Detection& a, const Detection& b) {
+    std::size_t x = root(index_.at(a)), y = root(index_.at(b));
+    if (x == y || meet(x, y)) return;
+    if (members_[x].size() < members_[y].size()) std::swap(x, y);
+    parent_[y] = x;
+    members_[x].insert(members_[y].begin(), members_[y].end());
+    members_[y].clear();
+  }
+  const std::set<Detection>& with(const Detection& d) { return members_[root(index_.at(d))]; }
+
+  std::vector<std::vector<Detection>> groups() const {
+    std::vector<std::vector<Detection>> out;
+    for (const std::set<Detection>& m : members_) {
+      if (!m.empty()) out.emplace_back(m.begin(), m.end());
+    }
+    std::sort(out.begin(), out.end());
+    return out;
+  }
+
+ private:
+  bool meet(std::size_t x, std::size_t y) const {
+    const std::set<Detection>&few = members_[members_[x].size() < members_[y].size() ? x : y],
+          &many = members_[members_[x].size() < members_[y].size() ? y : x];
+    return std::any_of(few.begin(), few.end(), [&](const Detection& d) {
+      const auto at = many.lower_bound({d.first, std::numeric_limits<int>::min()});
+      return at != many.end() && at->first == d.first;
+    });
+  }
+  std::size_t root(std::size_t i) {
+    while (parent_[i] != i) i = parent_[i] = parent_[parent_[i]];
+    return i;
+  }
+  std::map<Detection, std::size_t> index_;
+  std::vector<std::size_t> parent_;
+  std::vector<std::set<Detection>> members_;
+};
+
+struct Link {
+  Detection from, to;
+  bool neighbours = false;  // in every window that makes it
+  int votes = 0;            // windows that make it, less those that see both and do not
+  bool unanimous = false;
+};
+
+/// Detections that windows take for one vehicle; the surest first.
+std::vector<Link> links_of(const std::vector<WindowMeasurement>& windows) {
+  std::map<std::pair<Detection, Detection>, Link> links;
+  std::map<std::pair<int, int>, int> windows_with;  // both frames
+  for (const WindowMeasurement& window : windows) {
+    if (window.tracked.empty()) continue;
+    std::set<int> seen;  // frames with vehicles
+    for (const auto& t : window.tracked) seen.insert(t.frame);
+    std::map<int, Detection> last;  // by the window's track
+    for (const auto& t : window.tracked) {
+      const Detection now{t.frame, t.id};
+      const auto [at, is_new] = last.emplace(t.track, now);
+      if (is_new) continue;
+      const Detection before = std::exchange(at->second, now);
+      const bool next = *std::next(seen.find(before.first)) == now.first;
+      Link& link =
+          links.emplace(std::make_pair(before, now), Link{before, now, true}).first->second;
+      link.neighbours = link.neighbours && next;
+      ++link.votes;
+    }
+    for (auto a = seen.begin(); a != seen.end(); ++a) {
+      for (auto b = std::next(a); b != seen.end(); ++b) ++windows_with[{*a, *b}];
+    }
+  }
+  std::vector<Link> out;
+  for (auto& [pair, link] : links) {
+    const int both = windows_with[{pair.first.first, pair.second.first}];
+    link.unanimous = link.votes == both;
+    link.votes = 2 * link.votes - both;
+    out.push_back(link);
+  }
+  const auto rank = [](const Link& l) {
+    return std::make_tuple(l.neighbours && l.unanimous, l.neighbours, l.votes);
+  };
+  std::stable_sort(out.begin(), out.end(),
+                   [&](const Link& a, const Link& b) { return rank(a) > rank(b); });
+  return out;
+}
+
+/// Where a vehicle is at a time.
+struct Whereabouts {
+  Eigen::Vector3d place = Eigen::Vector3d::Zero();
+  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();
+};
+
+/// A place, or a place and a velocity, by some views.
+struct MotionFit {
+  Eigen::VectorXd at;
+  Eigen::MatrixXd covariance;
+  double cost = 0.0;  // sum of squares for views that are not alike
+};
+
+std::optional<MotionFit> fit_motion(const Places& views, bool moves, double time) {
+  const Eigen::Index size = moves ? 6 : 3;
+  Eigen::MatrixXd normal = Eigen::MatrixXd::Zero(size, size);
+  Eigen::VectorXd right = Eigen::VectorXd::Zero(size);
+  if (moves) normal.diagonal().tail<3>().setConstant(1.0 / (kSpeedSigma * kSpeedSigma));
+  const double alike = std::min(kViewsAlike, static_cast<double>(views.size()));
+  const Eigen::Vector3d origin = views.front().in_world;
+  double squares = 0.0;
+  for (const TrackPlace& v : views) {
+    const Eigen::Matrix3d information = v.covariance.inverse() / alike;
+    Eigen::MatrixXd by = Eigen::MatrixXd::Zero(3, size);
+    by.leftCols<3>().setIdentity();
+    if (moves) by.rightCols<3>() = (v.time_s - time) * Eigen::Matrix3d::Identity();
+    const Eigen::Vector3d off = v.in_world - origin;
+    normal += by.transpose() * information * by;
+    right += by.transpose() * information * off;
+    squares += off.dot(information * off);
+  }
+  const Eigen::LLT<Eigen::MatrixXd> factor(normal);
+  if (factor.info() != Eigen::Success) return std::nullopt;
+  MotionFit out;
+  out.at = factor.solve(right);
+  out.cost = squares - right.dot(out.at);
+  out.at.head<3>() += origin;
+  out.covariance = factor.solve(Eigen::MatrixXd::Identity(size, size));
+  return out;
+}
+
+bool may_stand(const Places& views) {
+  const auto stands = fit_motion(views, false, views.front().time_s);
+  const auto moves = fit_motion(views, true, views.front().time_s);
+  return stands && moves && stands->cost - moves->cost < kPlainly;
+}
+
+/// Where a vehicle that some of its views show is at another time.
+std::optional<Whereabouts> whereabouts(const Places& views, bool stands, double from, double to) {
+  const auto fit = fit_motion(views, !stands, from);
+  if (!fit) return std::nullopt;
+  if (stands) return Whereabouts{fit->at, fit->covariance};
+  const double wait = to - from;
+  Eigen::Matrix<double, 3, 6> by;
+  by << Eigen::Matrix3d::Identity(), wait * Eigen::Matrix3d::Identity();
+  Whereabouts out{by * fit->at, by * fit->covariance * by.transpose()};
+  out.covariance.diagonal().array() += kAcceleration * std::pow(std::abs(wait), 3) / 3.0;
+  return out;
+}
+
+struct Meeting {
+  double squared = 0.0;  // Mahalanobis distance of the places
+  double sigma = 0.0;    // m, of their difference where it is known worst
+};
+
+/// How far the way of an earlier part misses a later one.
+std::optional<Meeting> meeting_of(Places before, Places after) {
+  if (before.empty() || after.empty()) return std::nullopt;
+  const double left = before.back().time_s, found = after.front().time_s;
+  const bool stands = may_stand(before) && may_stand(after);
+  if (!stands) {
+    if (before.size() > kViewsAbout) before.erase(before.begin(), before.end() - kViewsAbout);
+    if (after.size() > kViewsAbout) after.resize(kViewsAbout);
+  }
+  const auto a = whereabouts(before, stands, left, found);
+  const auto b = whereabouts(after, stands, found, found);
+  if (!a || !b) return std::nullopt;
+  const Eigen::Matrix3d covariance = a->covariance + b->covariance;
+  const Eigen::Vector3d off = b->place - a->place;
+  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(covariance, Eigen::EigenvaluesOnly);
+  return Meeting{off.dot(covariance.llt().solve(off)), std::sqrt(eigen.eigenvalues()[2])};
+}
+
+/// Joins detections by what was placed of them.
+class Joiner {
+ public:
+  Joiner(const std::vector<WindowMeasurement>& windows,
+         const std::map<Detection, PlacedDetection>& placed)
+      : placed_(placed) {
+    for (const WindowMeasurement& w : windows) {
+      for (const VehicleEstimate& v : w.vehicles.vehicles) sets_.add({w.reference, v.id});
+      for (const auto& t : w.tracked) sets_.add({t.frame, t.id});
+    }
+    for (const Link& link : links_of(windows)) {
+      if ((link.neighbours && link.unanimous) || goes_on(link)) sets_.join(link.from, link.to);
+    }
+    if (!placed.empty()) bridge();
+  }
+  std::vector<std::vector<Detection>> groups() const { return sets_.groups(); }
+
+ private:
+  template <typename Iterator>
+  Places places(Iterator first, Iterator last) const {
+    Places out;
+    for (; first != last; ++first) {
+      const auto found = placed_.find(*first);
+      if (found != placed_.end()) out.push_back(found->second.place);
+    }
+    return out;
+  }
+
+  bool goes_on(const Link& link) {
+    const std::set<Detection>&a = sets_.with(link.from), &b = sets_.with(link.to);
+    const auto meeting = meeting_of(places(a.begin(), a.upper_bound(link.from)),
+                                    places(b.lower_bound(link.to), b.end()));
+    return !meeting || meeting->squared < kMostSquared;
+  }
+
+  struct Part {
+    Detection first;
+    std::string vehicle_class;
+    Places places;
+  };
+
+  void bridge() {
+    std::vector<Part> parts;
+    for (const std::vector<Detection>& group : sets_.groups()) {
+      Part part;
+      part.first = group.front();
+      part.places = places(group.begin(), group.end());
+      if (part.places.empty()) continue;
+      const auto known = std::find_if(group.begin(), group.end(),
+                                      [&](const Detection& d) { return placed_.count(d) > 0; });
+      part.vehicle_class = placed_.at(*known).vehicle_class;
+      parts.push_back(std::move(part));
+    }
+    std::stable_sort(parts.begin(), parts.end(), [](const Part& a, const Part& b) {
+      return a.places.front().time_s < b.places.front().time_s;
+    });
+    std::vector<std::tuple<double, std::size_t, std::size_t>> bridges;
+    for (std::size_t i = 0; i < parts.size(); ++i) {
+      const double left = parts[i].places.back().time_s;
+      for (std::size_t j = i + 1; j < parts.size(); ++j) {
+        const double hidden = parts[j].places.front().time_s - left;
+        if (hidden > kLongestHidden) break;
+        if (!(hidden > 0.0) || parts[i].vehicle_class != parts[j].vehicle_class) continue;
+        const auto meeting = meeting_of(parts[i].places, parts[j].places);
+        if (!meeting || meeting->sigma > kMostSigma || meeting->squared > kMostSquared) continue;
+        bridges.emplace_back(meeting->squared, i, j);
+      }
+    }
+    std::sort(bridges.begin(), bridges.end());
+    std::set<std::size_t> gone_on, gone_before;
+    for (const auto& [squared, i, j] : bridges) {
+      if (gone_on.count(i) > 0 || gone_before.count(j) > 0) continue;
+      gone_on.insert(i);
+      gone_before.insert(j);
+      sets_.join(parts[i].first, parts[j].first);
+    }
+  }
+
+  const std::map<Detection, PlacedDetection>& placed_;
+  TrackSets sets_;
+};
+
+}  // namespace
+
+std::vector<std::vector<Detection>> join_detections(
+    const std::vector<WindowMeasurement>& windows,
+    const std::map<Detection, PlacedDetection>& placed) {
+  return Joiner(windows, placed).groups();
+}
+
+}  // namespace camber::internal
