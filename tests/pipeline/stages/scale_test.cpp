@@ -94,5 +94,24 @@ TEST(ScaleStage, MarkingsOfKnownSizeGiveMetresWithoutACameraHeight) {
   EXPECT_LT(scaled.road.scale_sigma(), 0.05);
 }
 
+TEST(ScaleStage, StrokesHoldTheScaleWhateverTheFocalLengthAndCrossingsDoNot) {
+  MadeDrive drive = make_drive({});
+  paint_markings(&drive);
+  drive.frames.known.camera_height_sigma = 0.165;
+  const auto scaled = [&](const LaneMarkingSizes& sizes) {
+    drive.frames.known.markings = sizes;
+    return stages::scale(drive.frames, drive.matches, exact_photometric(drive), {});
+  };
+  EXPECT_EQ(scaled({}).scale_by_focal, 1.0);
+  const ScaledRoad strokes = scaled({3.0, 6.0, 0.12, 0.0, 0.0});
+  ASSERT_GT(strokes.markings.dashes, 0);
+  ASSERT_EQ(strokes.markings.crossings, 0);
+  EXPECT_LT(strokes.scale_by_focal, 0.5);
+  const ScaledRoad both = scaled({3.0, 6.0, 0.12, 0.5, 0.5});
+  ASSERT_GT(both.markings.dashes, 0);
+  ASSERT_GT(both.markings.crossings, 0);
+  EXPECT_EQ(both.scale_by_focal, 1.0);
+}
+
 }  // namespace
 }  // namespace camber

@@ -76,11 +76,13 @@ std::string why_up_to_scale(const LoadedFrames& frames, const LaneMarkingConstra
 }
 
 /// How the scale follows the focal length: as the source that gives the metres, and as the dashes
-/// of broken lines, lengths along the road, by the share that they have in what is known.
+/// of broken lines, lengths along the road, by the share that they have in what is known. A
+/// crossing is measured across, and its share in the markings is not told from the dashes'.
 double scale_by_focal(const RoadPosterior& prior, const std::vector<Constraint>& constraints,
                       const FusedRoad& fused, const LaneMarkingConstraint& markings) {
   const bool across = constraints.front().name == "camera_height";
-  if (!across || markings.dashes == 0) return across ? 1.0 : 0.0;
+  if (!across) return 0.0;
+  if (markings.dashes == 0 || markings.crossings > 0) return 1.0;
   std::vector<const Constraint*> others;
   for (std::size_t i = 0; i < constraints.size(); ++i) {
     if (!fused.reports[i].accepted) continue;
