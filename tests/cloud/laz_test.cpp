@@ -452,6 +452,34 @@ TEST(LazFile, ATruncatedCopcSaysWhatIsMissingWithBoundsToo) {
   }
 }
 
+TEST(LazFile, EveryCutOfACopcIsRefusedOrSaysWhatIsMissing) {
+  test::MadeLaz what;
+  what.point_format = 6;
+  what.minor = 4;
+  what.compressor = 3;
+  what.copc = true;
+  what.chunks = {5, 4, 3, 2};
+  const std::string bytes = test::make_laz(what);
+  std::vector<ReadOptions> queries(2);
+  queries[0].resolution = 9.0;
+  queries[1].bounds = PlanBounds{0.0, 0.0, 60.0, 60.0};
+  for (const ReadOptions& query : queries) {
+    const std::size_t all = records_in(bytes, query).size();
+    ReadOptions lenient = query;
+    lenient.lenient = true;
+    for (std::size_t length = 0; length < bytes.size(); ++length) {
+      const std::string cut = bytes.substr(0, length);
+      EXPECT_THAT(error_of(cut, query), HasSubstr("a.laz: ")) << length;
+      try {
+        const auto source = open_point_source(cut.data(), cut.size(), "a.laz", lenient);
+        EXPECT_LE(records_of(*source).size(), all) << length;
+        EXPECT_FALSE(source->report().notes.empty()) << length;
+      } catch (const InputError&) {
+      }
+    }
+  }
+}
+
 /// What lies in the points of a file, read by levels or bounds, and the notes.
 struct NodesRead {
   std::string records;

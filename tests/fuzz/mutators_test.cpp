@@ -59,6 +59,7 @@ TEST(Mutators, AreTheSameForTheSameSeedAndNotLongerThanAllowed) {
                                                  {mutate_document, "own_detections"},
                                                  {mutate_las, "las"},
                                                  {mutate_laz, "laz"},
+                                                 {mutate_copc, "copc"},
                                                  {mutate_e57, "e57"},
                                                  {mutate_image, "image"},
                                                  {mutate_bag, "rosbag"},
@@ -82,9 +83,10 @@ TEST(Mutators, AreTheSameForTheSameSeedAndNotLongerThanAllowed) {
 }
 
 TEST(Mutators, TakeAnyBytes) {
-  const Mutator all[] = {mutate_json, mutate_text,    mutate_document,
-                         mutate_las,  mutate_e57,     mutate_image,
-                         mutate_bag,  mutate_numbers, mutate_text_or_numbers};
+  const Mutator all[] = {
+      mutate_json,           mutate_text, mutate_document, mutate_las, mutate_laz,
+      mutate_copc,           mutate_e57,  mutate_image,    mutate_bag, mutate_numbers,
+      mutate_text_or_numbers};
   std::vector<std::string> inputs{"",
                                   "\n",
                                   "{",
@@ -100,7 +102,7 @@ TEST(Mutators, TakeAnyBytes) {
   for (const char length : {0, 1, 2, 3}) {  // of a JPEG's segment, which counts its own two bytes
     inputs.push_back(std::string("\xFF\xD8\xFF\xE0") + '\0' + length + "JFIF");
   }
-  for (const char* const folder : {"las", "e57", "image", "rosbag"}) {
+  for (const char* const folder : {"las", "laz", "copc", "e57", "image", "rosbag"}) {
     for (const auto& [name, seed] : seeds(folder)) {
       for (const std::size_t n : {9, 40, 120, 227, 300}) inputs.push_back(seed.substr(0, n));
     }
@@ -196,6 +198,19 @@ bool whole_e57(const std::string& file) {
 TEST(Mutators, KeepPagesOfE57Whole) {
   for (const auto& [name, seed] : seeds("e57")) {
     EXPECT_GT(share(seed, mutate_e57, whole_e57), 0.8) << name;
+  }
+}
+
+/// COPC's record and the entries of a root page that lies within the file.
+bool whole_copc(const std::string& file) {
+  if (file.size() < 589 || file.compare(377, 4, "copc") != 0) return false;
+  const std::uint64_t root = get_number(file, 429 + 40, 8), size = get_number(file, 429 + 48, 8);
+  return root <= file.size() && size <= file.size() - root && size % 32 == 0;
+}
+
+TEST(Mutators, KeepTheRootPageOfCopc) {
+  for (const auto& [name, seed] : seeds("copc")) {
+    EXPECT_GT(share(seed, mutate_copc, whole_copc), 0.6) << name;  // or its place is changed
   }
 }
 

@@ -96,7 +96,7 @@ class Profiler {
   void collect();
   std::vector<StripPoint> slice(double from, double to, const Edges* edges) const;
   StripGrid grid(double from, double to, double beyond) const;
-  StripRoughness estimate_roughness(const Edges* edges, double beyond) const;
+  StripRoughness estimate_roughness(const StripRoughness* start, double* noise) const;
   void find_edges();
   void measure(std::size_t begin, std::size_t end, std::vector<CrossSection>* stations,
                double* noise) const;
@@ -129,6 +129,7 @@ class Profiler {
   double density_ = 0.0;
   Edges edges_;
   StripRoughness roughness_;
+  double along_ = StripGrid().along;  ///< m between nodes
 };
 
 std::vector<Vector2d> corners_of(const std::vector<Vector3d>& line, const GroundAxes& axes) {
@@ -250,10 +251,11 @@ StripGrid Profiler::grid(double from, double to, double beyond) const {
   out.last = to;
   out.left = options_.half_width + beyond;
   out.right = -out.left;
+  out.along = along_;
   return out;
 }
 
-StripRoughness Profiler::estimate_roughness(const Edges* edges, double beyond) const {
+StripRoughness Profiler::estimate_roughness(const StripRoughness* start, double* noise) const {
   constexpr double kLength = 60.0;
   constexpr std::size_t kPieces = 4;
   const double total = frame_.length();
@@ -264,11 +266,14 @@ StripRoughness Profiler::estimate_roughness(const Edges* edges, double beyond) c
   for (std::size_t i = 0; i < pieces; ++i) {
     const double middle = (static_cast<double>(i) + 0.5) * total / static_cast<double>(pieces);
     const double half = 0.5 * std::min(kLength, total);
-    points[i] = slice(middle - half, middle + half, edges);
-    fits.emplace_back(grid(middle - half, middle + half, beyond), points[i],
-                      edges ? 0.0 : kStanding);
+    points[i] = slice(middle - half, middle + half, &edges_);
+    fits.emplace_back(grid(middle - half, middle + half, 0.5), points[i]);
   }
-  return detail::estimate_roughness(&fits, options_.num_threads);
+  const StripRoughness out = detail::estimate_roughness(&fits, start, options_.num_threads);
+  std::vector<double> noises;
+  for (const StripFit& fit : fits) noises.push_back(fit.noise());
+  *noise = upper_median(&noises);
+  return out;
 }
 
 StripFunctional Profiler::section_slope(double s, double right, double left) const {
@@ -361,7 +366,16 @@ CloudProfile Profiler::run() {
     return out;
   }
   find_edges();
-  roughness_ = estimate_roughness(&edges_, 0.5);
+  double noise = 0.0;
+  roughness_ = estimate_roughness(nullptr, &noise);
+  // Nodes no farther apart than the data can tell the ground from its neighbourhood.
+  constexpr double kLeastApart = 0.5;  // m
+  const double bandwidth = roughness_.bandwidth(noise, density_, 2.0 * options_.half_width);
+  if (bandwidth < along_) {
+    along_ = std::max(kLeastApart, bandwidth);
+    const StripRoughness coarse = roughness_;
+    roughness_ = estimate_roughness(&coarse, &noise);
+  }
   const std::size_t count = count_stations();
   out.stations.resize(count);
   const auto per_stretch =

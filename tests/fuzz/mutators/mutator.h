@@ -53,6 +53,8 @@ std::string mutate_e57(std::string_view input, Dice& dice, const ByteMutation& b
 std::string mutate_las(std::string_view input, Dice& dice, const ByteMutation& bytes);
 /// LAS's header and records, LASzip's record, chunks and their table.
 std::string mutate_laz(std::string_view input, Dice& dice, const ByteMutation& bytes);
+/// COPC's record and the pages of its index; else as LAZ.
+std::string mutate_copc(std::string_view input, Dice& dice, const ByteMutation& bytes);
 /// PNG by chunks with their check sums and compressed rows, JPEG by segments.
 std::string mutate_image(std::string_view input, Dice& dice, const ByteMutation& bytes);
 std::string mutate_bag(std::string_view input, Dice& dice, const ByteMutation& bytes);

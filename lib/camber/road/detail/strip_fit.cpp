@@ -94,22 +94,37 @@ std::vector<double> StripFit::seen_across(double first, std::size_t count) const
   return out;
 }
 
-StripRoughness estimate_roughness(std::vector<StripFit>* fits, int num_threads) {
-  StripRoughness best;
-  constexpr std::size_t kParameters = 4;
+StripRoughness estimate_roughness(std::vector<StripFit>* fits, const StripRoughness* start,
+                                  int num_threads) {
+  StripRoughness best = start ? *start : StripRoughness();
+  if (!start) best.level = best.tilt = 3e-3;
+  constexpr std::size_t kParameters = 6;
   using Logs = std::array<double, kParameters>;
-  const Logs low = {std::log(1e-9), std::log(1e-11), std::log(1e-7), std::log(2.0)};
-  const Logs high = {std::log(1e-1), std::log(1e-2), std::log(10.0), std::log(1000.0)};
+  const Logs low = {std::log(1e-9), std::log(1e-11), std::log(1e-7),
+                    std::log(2.0),  std::log(1e-5),  std::log(1e-5)};
+  const Logs high = {std::log(1e-1),   std::log(1e-2), std::log(10.0),
+                     std::log(1000.0), std::log(1.0),  std::log(0.1)};
+  // One of them, or roughness from the smooth part into the one that fades.
+  constexpr std::array<Logs, kParameters + 2> kDirections = {{{1, 0, 0, 0, 0, 0},
+                                                              {0, 1, 0, 0, 0, 0},
+                                                              {0, 0, 1, 0, 0, 0},
+                                                              {0, 0, 0, 1, 0, 0},
+                                                              {0, 0, 0, 0, 1, 0},
+                                                              {0, 0, 0, 0, 0, 1},
+                                                              {-1, 0, 0, 0, 1, 0},
+                                                              {0, -1, 0, 0, 0, 1}}};
   const auto roughness_of = [&](const Logs& logs) {
     StripRoughness out = best;
     out.along = std::exp(logs[0]);
     out.twist = std::exp(logs[1]);
     out.across = std::exp(logs[2]);
     out.length = std::exp(logs[3]);
+    out.level = std::exp(logs[4]);
+    out.tilt = std::exp(logs[5]);
     return out;
   };
-  Logs logs = {std::log(best.along), std::log(best.twist), std::log(best.across),
-               std::log(best.length)};
+  Logs logs = {std::log(best.along),  std::log(best.twist), std::log(best.across),
+               std::log(best.length), std::log(best.level), std::log(best.tilt)};
   std::vector<double> parts(fits->size());
   const auto deviance = [&](const Logs& at) {
     parallel_for(fits->size(), num_threads, [&](std::size_t i) {
@@ -144,7 +159,8 @@ StripRoughness estimate_roughness(std::vector<StripFit>* fits, int num_threads) 
     best.bends = sums;
   };
   // Compass search, in rounds between which the pseudo-data follow the fit.
-  const std::vector<std::vector<double>> rounds = {{2.0, 1.0}, {1.0, 0.5}, {0.5, 0.25}};
+  std::vector<std::vector<double>> rounds = {{1.0, 0.5}, {0.5, 0.25}};
+  if (!start) rounds.insert(rounds.begin(), {2.0, 1.0});
   for (const std::vector<double>& steps : rounds) {
     parallel_for(fits->size(), num_threads,
                  [&](std::size_t i) { (*fits)[i].fit(roughness_of(logs)); });
@@ -152,13 +168,15 @@ StripRoughness estimate_roughness(std::vector<StripFit>* fits, int num_threads) 
     for (const double step : steps) {
       for (bool moved = true; moved;) {
         moved = false;
-        for (std::size_t k = 0; k < kParameters; ++k) {
+        for (const Logs& direction : kDirections) {
           for (const double sign : {1.0, -1.0}) {
             bool better = true;
             while (better) {
               Logs next = logs;
-              next[k] = std::clamp(next[k] + sign * step, low[k], high[k]);
-              if (next[k] == logs[k]) break;
+              for (std::size_t k = 0; k < kParameters; ++k) {
+                next[k] = std::clamp(next[k] + sign * step * direction[k], low[k], high[k]);
+              }
+              if (next == logs) break;
               const double there = deviance(next);
               better = there < least - 0.1;
               if (better) {

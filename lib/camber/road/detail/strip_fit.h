@@ -43,7 +43,10 @@ class StripFit {
 
 /// The roughness under which the points of some strips are the most likely. The fits are left with
 /// it.
-StripRoughness estimate_roughness(std::vector<StripFit>* fits, int num_threads);
+/// @param start  where the search begins, as of the same strips with other nodes; nullptr: nothing
+///               is known
+StripRoughness estimate_roughness(std::vector<StripFit>* fits, const StripRoughness* start,
+                                  int num_threads);
 
 /// Where the ground leaves that of the road by a kerb, a ditch or a bank.
 struct Edge {

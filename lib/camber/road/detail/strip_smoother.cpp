@@ -13,12 +13,12 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-namespace {
-
-// m: the shape's mean and slope across are held at zero, those of the strip are nodes of their own.
-constexpr double kHeld = 1e-4;
-
-}  // namespace
+double StripRoughness::bandwidth(double noise, double density, double width) const {
+  const double height = noise * noise / (density * width), slope = 12.0 * height / (width * width);
+  return std::min({std::pow(height / along, 0.25), std::pow(slope / twist, 0.25),
+                   std::sqrt(height * length / (2.0 * level * level)),
+                   std::sqrt(slope * length / (2.0 * tilt * tilt))});
+}
 
 StripSmoother::StripSmoother(const StripGrid& grid, const std::vector<StripPoint>& points)
     : grid_(grid), points_(points) {
@@ -102,9 +102,14 @@ MatrixXd StripSmoother::shape_precision(const StripRoughness& roughness) const {
       for (Index b = 0; b < 3; ++b) out(j + a, j + b) += scale * second[a] * second[b];
     }
   }
-  VectorXd one = VectorXd::Ones(nodes_).normalized();
-  VectorXd slope = VectorXd::LinSpaced(nodes_, -1.0, 1.0).normalized();
-  out += (one * one.transpose() + slope * slope.transpose()) / (kHeld * kHeld);
+  // The shape's mean and slope, which the second differences leave free.
+  const double half = 0.5 * (grid_.left - grid_.right);
+  const auto add = [&](const VectorXd& direction, double sigma) {
+    const double norm2 = direction.squaredNorm();
+    out += direction * direction.transpose() / (norm2 * norm2 * sigma * sigma);
+  };
+  add(VectorXd::Ones(nodes_), roughness.level);
+  add(VectorXd::LinSpaced(nodes_, -half, half), roughness.tilt);
   return out;
 }
 
@@ -146,6 +151,7 @@ double StripSmoother::log_prior_determinant(const StripRoughness& roughness) con
   const auto rows = static_cast<double>(rows_), nodes = static_cast<double>(nodes_);
   sum -= nodes * (rows - 1.0) * std::log(1.0 - phi * phi);
   // But for what the hyperparameters do not change.
+  sum -= 2.0 * rows * (std::log(roughness.level) + std::log(roughness.tilt));
   for (Index j = 0; j + 2 < nodes_; ++j) sum -= rows * std::log(bend(roughness, j));
   return sum;
 }

@@ -30,12 +30,23 @@ struct StripRoughness {
   double twist = 1e-6;   ///< of the cross slope's second derivative along the line, 1/m^3
   double across = 1e-3;  ///< of the second derivative across, 1/m
   double length = 30.0;  ///< m along the line, over which the shape across stays alike
+  /// What height and cross slope have besides, which fades over `length`, too (so that kinks of the
+  /// ground along the line are no surprise): standard deviations, m and rise over run.
+  double level = 1e-5, tilt = 1e-5;
   /// `across` by place, for the crest of a crown and the like: factors at the inner nodes of the
   /// grid, whose mean logarithm need not be zero; empty: ones.
   std::vector<double> bends;
   /// Least of `across` at the line itself, where a road has its crest: sparse points do not show
   /// whether it bends there by the 5 % of a crown.
   double crest = 2.5e-3;
+
+  /// How far along the line the data of one place reach, of what varies the fastest: widths of the
+  /// equivalent kernels (Silverman, "Spline smoothing: the equivalent variable kernel method",
+  /// 1984).
+  /// @param noise    m, of a point
+  /// @param density  points per m^2
+  /// @param width    m across that have points
+  double bandwidth(double noise, double density, double width) const;
 };
 
 /// Where the nodes of a strip stand.
@@ -48,9 +59,10 @@ struct StripGrid {
 
 /// The ground beside a line as a smooth function of the place along and across it: its height and
 /// its cross slope are integrated Wiener processes along the line, what is left of the shape across
-/// is one across it and fades along the line (precision matrices, one the Kronecker factor of the
-/// other), after Wood, "Generalized Additive Models", 2nd edition 2017, chapters 4 and 5. Quadratic
-/// B-splines along, linear ones across; a band matrix, so linear in the length of the line.
+/// is one across it and fades along the line, as a part of height and cross slope does (precision
+/// matrices, one the Kronecker factor of the other), after Wood, "Generalized Additive Models", 2nd
+/// edition 2017, chapters 4 and 5. Quadratic B-splines along, linear ones across; a band matrix, so
+/// linear in the length of the line.
 class StripSmoother {
  public:
   /// @param points  those beyond the grid are left out
