@@ -48,6 +48,41 @@ class Tiles : public ::testing::Test {
     return {"tiles", "plan",  path("west.laz"), path("east.laz"),   "--tile",
             "100",   "--out", path(name),       "--largest-object", "10"};
   }
+  /// The surface in tiles answers as the one file does.
+  void expect_by_tile(const json& surface) const {
+    EXPECT_GT(test::files_below(path("plan/patches/surface")).size(), 4u);
+    {
+      std::ofstream line(path("line.csv"));
+      line << std::setprecision(12) << "x,y,z\n";
+      for (int x = 20; x <= 120; x += 10) line << 651000 + x << "," << 6270080 << ",100\n";
+    }
+    std::map<std::string, std::string> profiles;
+    for (const std::string& input : {path("plan/patches"), path("plan/patches/surface.json")}) {
+      must({"profile", input, "--along", path("line.csv"), "--reach", "20", "--out",
+            path("profile.csv")});
+      profiles[test::read_text(path("profile.csv"))] = input;
+    }
+    EXPECT_EQ(profiles.size(), 1u);
+    // Without the file that holds all.
+    fs::rename(path("plan/patches/surface.json"), path("surface.json"));
+    must({"profile", path("plan/patches"), "--along", path("line.csv"), "--reach", "20", "--out",
+          path("profile.csv")});
+    EXPECT_EQ(profiles.count(test::read_text(path("profile.csv"))), 1u);
+    const json drawn = run({"render", path("plan/patches"), "--view", "map", "--size", "640x480",
+                            "--out", path("map.png")});
+    EXPECT_EQ(drawn["options"]["view"], "map");
+    EXPECT_TRUE(fs::exists(path("map.png")));
+    must({"render", path("plan/patches"), "--view", "bev", "--bounds",
+          "651000,6270000,651100,6270100", "--out", path("part.png")});
+    fs::rename(path("surface.json"), path("plan/patches/surface.json"));
+    EXPECT_ONE_SENTENCE(
+        run_camber({"render", path("whole.laz"), "--view", "map", "--out", path("no.png")}), 2,
+        "camber tiles join --job patches");
+    std::size_t patches = 0;
+    const json index = json::parse(test::read_text(path("plan/patches/surface/index.json")));
+    for (const json& tile : index["tiles"]) patches += tile["patches"].get<std::size_t>();
+    EXPECT_EQ(patches, surface["patches"].size());
+  }
   /// All files of a plan but for what does not hang on its input.
   std::map<std::string, std::string> files(const std::string& name) const {
     return test::files_below(path(name));
@@ -118,6 +153,7 @@ TEST_F(Tiles, PatchesBecomeOneSurfaceAndLabels) {
   EXPECT_EQ(surface["patches"].size(), joined["patches"]);
   const json labels = run({"tiles", "run", path("plan"), "--job", "labels"});
   EXPECT_LE(labels["counts"]["on_patches"], joined["on_pieces"]);
+  expect_by_tile(surface);
   EXPECT_GT(labels["counts"]["on_patches"], points_ / 2);
   run({"tiles", "join", path("plan"), "--job", "labels"});
   // Other shards, in another order, by one thread, and another plan: the same surface.
