@@ -1,5 +1,7 @@
 #include "camber/render/surface_map.h"
 
+#include <fmt/format.h>
+
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
@@ -119,7 +121,8 @@ Image render_surface_map(const std::filesystem::path& folder, const SurfaceMapOp
     canvas.text({text, 1.1 * text}, options.title, 1.25 * text, kInk, TextAnchor::kLeft, true);
   }
   canvas.text({text, 2.6 * text},
-              std::to_string(patches) + " patches in " + std::to_string(tiles.size()) + " tiles",
+              fmt::format("{} patches in {} {}", patches, tiles.size(),
+                          tiles.size() == 1 ? "tile" : "tiles"),
               text, kFaintInk);
   const double left = w - 9.2 * text;
   draw_color_bar(canvas, {left, frame.y1 + 1.2 * text, left + 1.2 * text, frame.y2}, heights[0],
