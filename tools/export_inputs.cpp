@@ -39,12 +39,11 @@ void take_crs(const ExportArguments& args, const RoadSurface& surface, ExportInp
 
 ExportInputs load_surface(const ExportArguments& args, const CommonOptions& common,
                           ExportArguments* settled) {
-  fs::path file = args.input;
-  std::error_code ignored;
-  if (fs::is_directory(file, ignored)) file = road_folder(file) / "surface.json";
-  RoadSurface surface = read_surface(file);
-  const std::vector<Eigen::Vector3d> line =
-      args.line.empty() ? surface.driven_line : read_line(args.line);
+  fs::path file;
+  std::vector<Eigen::Vector3d> line;
+  if (!args.line.empty()) line = read_line(args.line);
+  RoadSurface surface = read_surface_along(args.input, line, args.reach, &file);
+  if (args.line.empty()) line = surface.driven_line;
   if (!args.line.empty() && surface.metric) {
     take_line_as_road(args.line, line, args.reach, make_warning_sink(common), &surface);
   }

@@ -137,14 +137,10 @@ struct Inputs {
 
 Inputs load(const Arguments& args, const LogSink& warn) {
   Inputs in;
-  in.surface_file = args.surface;
   check_output_file(args.plot);
-  std::error_code ignored;
-  if (fs::is_directory(in.surface_file, ignored)) {
-    in.surface_file = road_folder(in.surface_file) / "surface.json";
-  }
-  in.surface = read_surface(in.surface_file);
-  in.line = args.line.empty() ? in.surface.driven_line : read_line(args.line);
+  if (!args.line.empty()) in.line = read_line(args.line);
+  in.surface = read_surface_along(args.surface, in.line, args.options.reach, &in.surface_file);
+  if (args.line.empty()) in.line = in.surface.driven_line;
   if (!args.line.empty()) {
     take_line_as_road(args.line, in.line, args.options.reach, warn, &in.surface);
   }

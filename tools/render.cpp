@@ -23,7 +23,9 @@
 #include "camber/render/pictures.h"
 #include "camber/render/report.h"
 #include "camber/render/result_plots.h"
+#include "camber/render/surface_map.h"
 #include "camber/render/vehicle_comparison.h"
+#include "camber/scene/surface_tiles.h"
 #include "command.h"
 #include "crs.h"
 #include "own_inputs.h"
@@ -287,6 +289,7 @@ class Painter {
         return draw_frame_overlay(loaded_.result, content_.frame, plan_.overlay);
       case RenderPlan::Drawing::kBev:
         return render_bev_picture(content_, plan_.bev);
+      case RenderPlan::Drawing::kMap:  // draw_map()
       case RenderPlan::Drawing::kScene:
         break;
     }
@@ -393,8 +396,33 @@ void draw_one(const std::string& out, Painter& painter, Timings& timings) {
   write_png(picture, out);
 }
 
+/// Of a surface in tiles, which is not read as a whole.
+int draw_map(const Command& command, const RenderArguments& a, const RenderPlan& plan) {
+  if (!has_surface_tiles(a.input)) {
+    throw UsageError(a.input +
+                     ": --view map: expected the folder that camber tiles join --job patches "
+                     "wrote; --view bev shows other results");
+  }
+  protect_inputs({a.input});
+  check_output_file(a.out);
+  SurfaceMapOptions options;
+  options.width = plan.scene.width;
+  options.height = plan.scene.height;
+  options.title = a.title.empty() ? fs::path(a.input).filename().string() : a.title;
+  Timings timings;
+  StageTimer compute(timings, "compute");
+  const Image picture = render_surface_map(a.input, options);
+  compute.stop();
+  StageTimer write(timings, "write");
+  write_png(picture, a.out);
+  write.stop();
+  report(command, a, plan.scene, {a.out}, {}, timings);
+  return 0;
+}
+
 int run(const Command& command, const RenderArguments& a) {
   RenderPlan plan = make_render_plan(a);
+  if (plan.drawing == RenderPlan::Drawing::kMap) return draw_map(command, a, plan);
   const LogSink warn = make_warning_sink(command.common);
   Timings timings;
   StageTimer load_timer(timings, "load");

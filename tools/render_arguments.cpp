@@ -89,8 +89,9 @@ void check_view(const RenderArguments& a, RenderPlan::Output output, bool series
     throw UsageError("--beside makes one picture: expected a .png, without a series");
   }
   if (a.vehicle && !beside) throw UsageError("--vehicle names the one that --beside compares");
-  if (a.view == "timings" && !one_picture) {
-    throw UsageError("--view timings is one picture: --out must end in .png, without a series");
+  if ((a.view == "timings" || a.view == "map") && !one_picture) {
+    throw UsageError("--view " + a.view +
+                     " is one picture: --out must end in .png, without a series");
   }
   const bool oblique = a.camera.empty() && (a.view == "both" || a.view == "oblique");
   if (a.turntable > 0 && !oblique) {
@@ -113,6 +114,7 @@ RenderPlan::Drawing drawing_of(const RenderArguments& a) {
   if (a.view == "timings") return RenderPlan::Drawing::kTimings;
   if (a.view == "overlay") return RenderPlan::Drawing::kOverlay;
   if (a.view == "bev") return RenderPlan::Drawing::kBev;
+  if (a.view == "map") return RenderPlan::Drawing::kMap;
   return RenderPlan::Drawing::kScene;
 }
 
@@ -148,9 +150,10 @@ void add_view_arguments(App& app, RenderArguments& a) {
       ->output_file()
       ->required();
   app.add_option("--view", a.view,
-                 "both (oblique over side), oblique, side, driver (needs a scene), bev, overlay "
+                 "both (oblique over side), oblique, side, driver (needs a scene), bev, map (of "
+                 "the joined patches of camber tiles, read by tile), overlay "
                  "(the frame's image, needs a scene), timings (of the stages of the run)")
-      ->check(is_member({"both", "oblique", "side", "driver", "bev", "overlay", "timings"}))
+      ->check(is_member({"both", "oblique", "side", "driver", "bev", "map", "overlay", "timings"}))
       ->capture_default_str();
   app.add_option("--camera", a.camera,
                  "free view: eye x,y,z and target x,y,z in the input's coordinates (as camber info "

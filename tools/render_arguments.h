@@ -38,7 +38,7 @@ void add_render_arguments(App& app, RenderArguments& arguments);
 /// What is to be drawn, as far as the command line alone decides it.
 struct RenderPlan {
   enum class Output { kPicture, kFilm, kGltf, kReport };
-  enum class Drawing { kScene, kBev, kOverlay, kTimings, kVehicleComparison };
+  enum class Drawing { kScene, kBev, kMap, kOverlay, kTimings, kVehicleComparison };
   Output output = Output::kPicture;
   Drawing drawing = Drawing::kScene;
   bool series = false;  ///< several pictures: of the frames or all around

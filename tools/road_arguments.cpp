@@ -13,6 +13,7 @@
 #include "camber/road/plan_polygon.h"
 #include "camber/road/surface_lookup.h"
 #include "camber/scene/results.h"
+#include "camber/scene/surface_tiles.h"
 #include "crs.h"
 #include "unknown_scale.h"
 
@@ -125,6 +126,22 @@ void take_line_as_road(const std::string& path, const std::vector<Eigen::Vector3
       "{}: the line lies on {} of kind other ({}), which {} taken as road; give "
       "patches the line by --driven-line for a surface that has it as its road",
       path, taken.size() > 1 ? "patches" : "a patch", ids, taken.size() > 1 ? "are" : "is"));
+}
+
+RoadSurface read_surface_along(const std::string& input, const std::vector<Eigen::Vector3d>& line,
+                               double reach, std::filesystem::path* file) {
+  *file = input;
+  std::error_code ignored;
+  const bool folder = std::filesystem::is_directory(*file, ignored);
+  if (folder) *file = road_folder(*file) / "surface.json";
+  if (!folder || line.empty() || !has_surface_tiles(file->parent_path())) {
+    return read_surface(*file);
+  }
+  Eigen::AlignedBox2d box;
+  for (const Eigen::Vector3d& place : line) box.extend(Eigen::Vector2d(place.head<2>()));
+  box.min().array() -= reach + 1.0;
+  box.max().array() += reach + 1.0;
+  return read_surface_within(file->parent_path(), box);
 }
 
 RoadSurface read_camera_surface(const std::string& folder) {

@@ -2,6 +2,7 @@
 
 #include <Eigen/Core>
 #include <cmath>
+#include <filesystem>
 #include <nlohmann/json_fwd.hpp>
 #include <optional>
 #include <string>
@@ -55,6 +56,12 @@ struct SurfaceArguments {
   /// With the driven line read. @throws std::invalid_argument
   RoadSurfaceOptions in_force(const CommonOptions& common) const;
 };
+
+/// The surface of a result folder or a surface.json; of a folder with a surface in tiles that part
+/// of it which a line, where there is one, may touch. @param reach  m  @throws InputError
+/// @param file  set to the surface.json
+RoadSurface read_surface_along(const std::string& input, const std::vector<Eigen::Vector3d>& line,
+                               double reach, std::filesystem::path* file);
 
 /// --max-slope-deg, --min-points, --tolerance, --tolerance-sigmas; must live as long as the app.
 void add_segment_arguments(App& app, SurfaceArguments& arguments);

@@ -43,7 +43,12 @@ struct Arguments {
 
 LoadedResult load(const ViewArguments& a, const LogSink& warn) {
   const ScenePaths paths = tools::scene_paths(a.confine);
-  LoadedResult result = load_result(a.input);
+  ReadOptions reading;
+  if (a.bounds.size() == 4) {
+    reading.bounds = PlanBounds{a.bounds[0], a.bounds[1], a.bounds[2], a.bounds[3]};
+    reading.bounds->validate();
+  }
+  LoadedResult result = load_result(a.input, reading);
   if (result.cloud) tools::use_metres(a.input, &*result.cloud, &result.cloud_report, warn);
   if (!a.scene.empty()) {
     result.scene = read_scene(a.scene, warn, paths);

@@ -13,7 +13,7 @@ namespace camber {
 struct ViewArguments {
   std::string input, scene, truth, color = "height", snapshots = "camber-view", picture;
   std::optional<int> frame;
-  std::vector<double> up;
+  std::vector<double> up, bounds;
   bool json = false, confine = false;
 
   void add_to(tools::App& app) {
@@ -31,6 +31,12 @@ struct ViewArguments {
         ->no_name()
         ->capture_default_str();
     app.add_option("--up", up, "x,y,z: up in the input's frame")->delimiter(',')->expected(3);
+    app.add_option("--bounds", bounds,
+                   "x0,y0,x1,y1: what lies within, in the input's coordinates and units; of the "
+                   "joined patches of camber tiles those that reach into it, without the rest")
+        ->check(tools::finite_number())
+        ->delimiter(',')
+        ->expected(4);
     app.add_option("--snapshots", snapshots, "the key s writes NAME-1.png, NAME-2.png, ...")
         ->no_name()
         ->capture_default_str();
@@ -54,6 +60,10 @@ struct ViewArguments {
     if (json) out.emplace_back("--json");
     if (confine) out.emplace_back("--confine");
     if (frame) add("--frame", std::to_string(*frame));
+    if (bounds.size() == 4) {
+      out.push_back("--bounds=" + tools::to_text(bounds[0]) + "," + tools::to_text(bounds[1]) +
+                    "," + tools::to_text(bounds[2]) + "," + tools::to_text(bounds[3]));
+    }
     if (up.size() == 3) {
       out.push_back("--up=" + tools::to_text(up[0]) + "," + tools::to_text(up[1]) + "," +
                     tools::to_text(up[2]));

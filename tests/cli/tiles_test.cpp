@@ -3,8 +3,10 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <fstream>
+#include <future>
 #include <iomanip>
 #include <nlohmann/json.hpp>
 
@@ -47,6 +49,41 @@ class Tiles : public ::testing::Test {
   std::vector<std::string> plan_words(const std::string& name) const {
     return {"tiles", "plan",  path("west.laz"), path("east.laz"),   "--tile",
             "100",   "--out", path(name),       "--largest-object", "10"};
+  }
+  /// The surface in tiles answers as the one file does.
+  void expect_by_tile(const json& surface) const {
+    EXPECT_GT(test::files_below(path("plan/patches/surface")).size(), 4u);
+    {
+      std::ofstream line(path("line.csv"));
+      line << std::setprecision(12) << "x,y,z\n";
+      for (int x = 20; x <= 120; x += 10) line << 651000 + x << "," << 6270080 << ",100\n";
+    }
+    std::map<std::string, std::string> profiles;
+    for (const std::string& input : {path("plan/patches"), path("plan/patches/surface.json")}) {
+      must({"profile", input, "--along", path("line.csv"), "--reach", "20", "--out",
+            path("profile.csv")});
+      profiles[test::read_text(path("profile.csv"))] = input;
+    }
+    EXPECT_EQ(profiles.size(), 1u);
+    // Without the file that holds all.
+    fs::rename(path("plan/patches/surface.json"), path("surface.json"));
+    must({"profile", path("plan/patches"), "--along", path("line.csv"), "--reach", "20", "--out",
+          path("profile.csv")});
+    EXPECT_EQ(profiles.count(test::read_text(path("profile.csv"))), 1u);
+    const json drawn = run({"render", path("plan/patches"), "--view", "map", "--size", "640x480",
+                            "--out", path("map.png")});
+    EXPECT_EQ(drawn["options"]["view"], "map");
+    EXPECT_TRUE(fs::exists(path("map.png")));
+    must({"render", path("plan/patches"), "--view", "bev", "--bounds",
+          "651000,6270000,651100,6270100", "--out", path("part.png")});
+    fs::rename(path("surface.json"), path("plan/patches/surface.json"));
+    EXPECT_ONE_SENTENCE(
+        run_camber({"render", path("whole.laz"), "--view", "map", "--out", path("no.png")}), 2,
+        "camber tiles join --job patches");
+    std::size_t patches = 0;
+    const json index = json::parse(test::read_text(path("plan/patches/surface/index.json")));
+    for (const json& tile : index["tiles"]) patches += tile["patches"].get<std::size_t>();
+    EXPECT_EQ(patches, surface["patches"].size());
   }
   /// All files of a plan but for what does not hang on its input.
   std::map<std::string, std::string> files(const std::string& name) const {
@@ -107,6 +144,104 @@ TEST_F(Tiles, ShardsInAnyOrderGiveTheSameFiles) {
   EXPECT_EQ(files("plan"), expected);
 }
 
+TEST_F(Tiles, TwoProcessesAtOnceGiveTheSameFiles) {
+  must(plan_words("plan"));
+  const std::vector<std::string> words = {"tiles", "run", path("plan"), "--job", "ground"};
+  must(words);
+  const auto expected = files("plan");
+  for (const bool shards : {true, false}) {
+    fs::remove_all(path("plan/ground"));
+    std::vector<std::future<ProgramResult>> runs;
+    for (const char* const shard : {"1/2", "2/2"}) {
+      std::vector<std::string> one = words;
+      one.insert(one.end(), {"--threads", "1"});
+      if (shards) one.insert(one.end(), {"--shard", shard});  // else both do all tiles
+      runs.push_back(std::async(std::launch::async, [one] { return run_camber(one); }));
+    }
+    for (std::future<ProgramResult>& one : runs) {
+      const ProgramResult result = one.get();
+      EXPECT_EQ(result.exit_code, 0) << result.error;
+    }
+    EXPECT_EQ(files("plan"), expected) << shards;
+  }
+}
+
+TEST_F(Tiles, WhatIsBrokenIsNamedAndWhatIsDoneStays) {
+  // Of two coordinate systems.
+  must({"convert", path("west.laz"), "--crs", "EPSG:32631", "--out", path("utm.laz")});
+  EXPECT_ONE_SENTENCE(
+      run_camber({"tiles", "plan", path("utm.laz"), path("east.laz"), "--out", path("two")}), 2,
+      "EPSG:32631");
+  EXPECT_FALSE(fs::exists(path("two")));
+  must(plan_words("plan"));
+  const std::vector<std::string> words = {"tiles", "run", path("plan"), "--job", "ground"};
+  must(words);
+  const auto expected = files("plan");
+  fs::remove_all(path("plan/ground"));
+  std::vector<std::string> tiles;
+  for (const auto& [name, bytes] : expected) {
+    if (fs::path(name).parent_path() == "tiles" && fs::path(name).extension() == ".laz") {
+      tiles.push_back(name);
+    }
+  }
+  ASSERT_EQ(tiles.size(), 16u);
+  const std::string broken = "plan/" + tiles.back();
+  std::string damaged = expected.at(tiles.back());
+  damaged[damaged.size() / 2] = static_cast<char>(damaged[damaged.size() / 2] ^ 1);
+  test::write_bytes(path(broken), damaged);
+  EXPECT_ONE_SENTENCE(run_camber(words), 2, fs::path(broken).filename().string());
+  const auto left = files("plan/ground");
+  EXPECT_GT(left.size(), 2u);
+  fs::remove(path(broken));
+  EXPECT_ONE_SENTENCE(run_camber(words), 2, fs::path(broken).filename().string());
+  for (const auto& [name, bytes] : left) EXPECT_EQ(files("plan/ground").at(name), bytes) << name;
+  test::write_bytes(path(broken), expected.at(tiles.back()));
+  std::vector<std::string> again = words;
+  EXPECT_GT(run(std::move(again))["done_before"], 0);
+  EXPECT_EQ(files("plan"), expected);
+}
+
+TEST_F(Tiles, AFullDiskKeepsWhatIsDone) {
+  must(plan_words("plan"));
+  const std::vector<std::string> words = {"tiles", "run", path("plan"), "--job", "ground"};
+  must(words);
+  const auto expected = files("plan");
+  std::vector<std::size_t> sizes;
+  for (const auto& [name, bytes] : expected) {
+    if (name.rfind("ground/", 0) == 0 && fs::path(name).extension() == ".laz") {
+      sizes.push_back(bytes.size());
+    }
+  }
+  ASSERT_EQ(sizes.size(), 16u);
+  std::sort(sizes.begin(), sizes.end());
+  // Files beyond a size between those of the first tile, which lies at the survey's corner, and the
+  // largest are refused, as by a disk that is full.
+  const std::size_t blocks = (sizes[8] + 511) / 512;
+  ASSERT_LT(512 * blocks, sizes.back());
+  fs::remove_all(path("plan/ground"));
+  test::Surroundings full;
+  full.shell = "trap '' XFSZ; ulimit -f " + std::to_string(blocks);
+  std::vector<std::string> limited = words;
+  limited.insert(limited.end(), {"--threads", "1"});
+  EXPECT_ONE_SENTENCE(test::run_camber_in(full, limited), 3, "plan/ground");
+  for (const auto& [name, bytes] : files("plan/ground")) {
+    if (fs::path(name).filename().string()[0] == '.') continue;
+    EXPECT_EQ(bytes, expected.at("ground/" + name)) << name;
+  }
+  must(words);
+  std::map<std::string, std::string> found;
+  for (const auto& [name, bytes] : files("plan")) {
+    if (fs::path(name).filename().string()[0] != '.') found[name] = bytes;
+  }
+  EXPECT_EQ(found, expected);
+  // A plan, too: nothing of it counts before it is complete.
+  full.shell = "trap '' XFSZ; ulimit -f 100";
+  EXPECT_ONE_SENTENCE(test::run_camber_in(full, plan_words("other")), 3, "other");
+  EXPECT_FALSE(fs::exists(path("other/index.json")));
+  must(plan_words("other"));
+  EXPECT_EQ(files("other/tiles"), files("plan/tiles"));
+}
+
 TEST_F(Tiles, PatchesBecomeOneSurfaceAndLabels) {
   run(plan_words("plan"));
   const json ran = run({"tiles", "run", path("plan"), "--job", "patches"});
@@ -118,6 +253,7 @@ TEST_F(Tiles, PatchesBecomeOneSurfaceAndLabels) {
   EXPECT_EQ(surface["patches"].size(), joined["patches"]);
   const json labels = run({"tiles", "run", path("plan"), "--job", "labels"});
   EXPECT_LE(labels["counts"]["on_patches"], joined["on_pieces"]);
+  expect_by_tile(surface);
   EXPECT_GT(labels["counts"]["on_patches"], points_ / 2);
   run({"tiles", "join", path("plan"), "--job", "labels"});
   // Other shards, in another order, by one thread, and another plan: the same surface.

@@ -119,6 +119,51 @@ TEST(ConsistencyGraph, PlanesAndCovariancesDoNotHangOnTheOrderOfElimination) {
   EXPECT_GT(better, 30u);
 }
 
+/// A hundred rows of a hundred patches of 9 m by 9 m, 10 m apart, with heights and slopes that are
+/// off by more than they say.
+std::vector<PlanePatch> field_of_patches() {
+  constexpr int kSide = 100;
+  const CounterRandom random(5);
+  std::vector<PlanePatch> out;
+  for (int i = 0; i < kSide * kSide; ++i) {
+    const auto at = static_cast<std::uint64_t>(3 * i);
+    const double x = 10.0 * (i % kSide), y = 10.0 * (i / kSide);
+    out.push_back(test::rectangle(i, x, x + 9.0, y, y + 9.0, random.uniform(at, 0.0, 0.04),
+                                  random.uniform(at + 1, -0.003, 0.003),
+                                  random.uniform(at + 2, -0.003, 0.003), {1e-6, 1e-6, 1e-4}));
+  }
+  return out;
+}
+
+/// The same patches by tiles of a field of eight by eight, from the last tile to the first.
+std::vector<PlanePatch> by_tiles(const std::vector<PlanePatch>& patches) {
+  std::vector<PlanePatch> out;
+  for (int tile = 63; tile >= 0; --tile) {
+    for (const PlanePatch& patch : patches) {
+      const int column = patch.id % 100 * 8 / 100, row = patch.id / 100 * 8 / 100;
+      if (row * 8 + column == tile) out.push_back(patch);
+    }
+  }
+  return out;
+}
+
+TEST(ConsistencyGraph, TenThousandPatchesByTilesHaveTheCostOfOneField) {
+  RoadSurface whole = surface_of(field_of_patches()), tiles = surface_of(by_tiles(whole.patches));
+  ASSERT_EQ(tiles.patches.size(), 10000u);
+  whole.links = find_links(whole, {});
+  // Where two patches lie side by side, the middle between them hangs on which is named first; in a
+  // plan of tiles patches are numbered by their places.
+  tiles.links = whole.links;
+  std::reverse(tiles.links.begin(), tiles.links.end());
+  EXPECT_GT(whole.links.size(), 19000u);
+  const ConsistencyReport one = optimise_surface({}, &whole), other = optimise_surface({}, &tiles);
+  EXPECT_TRUE(one.converged);
+  EXPECT_TRUE(other.converged);
+  EXPECT_LT(one.final_cost, 0.9 * one.initial_cost);
+  EXPECT_NEAR(other.initial_cost / one.initial_cost, 1.0, 1e-9);
+  EXPECT_NEAR(other.final_cost / one.final_cost, 1.0, 1e-9);
+}
+
 TEST(ConsistencyGraph, ContinuityClosesASmallStepAndKeepsTheAngle) {
   // The second patch is 4 cm too high and known ten times worse.
   RoadSurface surface = surface_of({strip(0, 0, 20, 0, 0), strip(1, 20, 40, 0.04, 0.2 * kDegree)});

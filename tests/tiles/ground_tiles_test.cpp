@@ -5,9 +5,12 @@
 
 #include <algorithm>
 #include <fstream>
+#include <numeric>
 
 #include "camber/cloud/cloud_io.h"
 #include "camber/core/errors.h"
+#include "camber/core/hash.h"
+#include "camber/tiles/detail/kept_parts.h"
 #include "camber/tiles/ground_tile.h"
 #include "camber/tiles/plan_tiles.h"
 #include "camber/tiles/tile_job.h"
@@ -189,6 +192,77 @@ TEST_F(TilesOfGround, WhatIsMissingOrDamagedIsNamed) {
   names(3, "bytes");  // its neighbour
   fs::remove(path);
   names(3, "No such file");
+}
+
+/// Tiles of two parts.
+class RowsOfTiles : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    write_cloud(test::made_survey(200.0, 9.0), folder_.path() / "whole.laz");
+    TilePlanOptions options;
+    options.side = 100.0;
+    options.ground.largest_object = 5.0;
+    plan_ = plan_tiles({folder_.path() / "whole.laz"}, folder_.path() / "plan", options);
+    ASSERT_GT(plan_.tiles.size(), 3u);
+  }
+
+  TileJob job(TileJob::Kind kind, const std::string& name) const {
+    TileJob out;
+    out.kind = kind;
+    out.folder = folder_.path() / name;
+    return out;
+  }
+
+  test::TemporaryFolder folder_;
+  TilePlan plan_;
+};
+
+TEST_F(RowsOfTiles, DecodeLessThanTilesAloneWithEqualResults) {
+  for (const TileJob::Kind kind : {TileJob::Kind::kGround, TileJob::Kind::kPatches}) {
+    const std::string name = to_string(kind);
+    const TileJob apart = job(kind, name + "_apart"), row = job(kind, name + "_row");
+    begin_tile_job(plan_, apart);
+    std::uint64_t read = 0;
+    std::map<std::string, std::string> expected;
+    for (std::size_t k = 0; k < plan_.tiles.size(); ++k) {
+      const TileDone done = run_tile_job(plan_, apart, k);
+      read += done.read_points;
+      expected[done.file.string()] = done.hash;
+    }
+    // Any order gives the same; a tile is there already.
+    std::vector<std::size_t> order(plan_.tiles.size());
+    std::iota(order.begin(), order.end(), std::size_t{0});
+    if (kind == TileJob::Kind::kPatches) std::reverse(order.begin(), order.end());
+    begin_tile_job(plan_, row);
+    const TileDone first = run_tile_job(plan_, row, 1);
+    const TilesRun run = run_tile_job(plan_, row, order);
+    EXPECT_EQ(run.points_answered, plan_.points - plan_.tiles[1].points);
+    EXPECT_LT(first.read_points + run.points_read, read - 50000) << name;
+    for (const auto& [file, hash] : expected) {
+      EXPECT_EQ(hash_file(row.folder / file), hash) << file;
+    }
+  }
+}
+
+TEST_F(RowsOfTiles, HoldAPartOfTheTileBeforeAlone) {
+  detail::KeptParts kept;
+  TileReading reading;
+  reading.halo = 30.0;
+  reading.kept = &kept;
+  kept.set_next(1);
+  const TilePoints first = read_tile_points(plan_, 0, reading);
+  kept.set_next(plan_.tiles.size());
+  const TilePoints second = read_tile_points(plan_, 1, reading);
+  EXPECT_GE(first.read_points, plan_.tiles[0].points);
+  reading.kept = nullptr;
+  const TilePoints alone = read_tile_points(plan_, 1, reading);
+  EXPECT_LT(second.read_points, alone.read_points);
+  EXPECT_EQ(second.cloud.points, alone.cloud.points);
+  EXPECT_EQ(second.own_points, alone.own_points);
+  // What nobody asks for next is not held.
+  for (std::size_t k = 0; k < plan_.tiles.size(); ++k) {
+    for (std::size_t part = 0; part < 100; ++part) EXPECT_EQ(kept.find({k, part}), nullptr);
+  }
 }
 
 TEST(GroundInPlace, AnswersEveryFileWithItsNeighbours) {

@@ -5,6 +5,7 @@
 #include "camber/core/errors.h"
 #include "camber/core/referred_file.h"
 #include "camber/scene/scene_of_run.h"
+#include "camber/scene/surface_tiles.h"
 
 namespace camber {
 
@@ -108,7 +109,11 @@ LoadedResult load_result(const std::filesystem::path& path, const ReadOptions& o
   for (const char* name : {"road.ply", "labels.ply"}) {
     if (!result.cloud && fs::exists(road / name, error)) load_cloud(road / name);
   }
-  if (fs::exists(road / "surface.json", error)) {
+  if (options.bounds && has_surface_tiles(road)) {
+    const PlanBounds& b = *options.bounds;
+    result.surface =
+        read_surface_within(road, {Eigen::Vector2d(b.x0, b.y0), Eigen::Vector2d(b.x1, b.y1)});
+  } else if (fs::exists(road / "surface.json", error)) {
     result.surface = read_surface(road / "surface.json");
   }
   if (fs::exists(path / "vehicles.json", error)) {

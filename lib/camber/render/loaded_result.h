@@ -41,7 +41,8 @@ struct LoadedResult {
 };
 
 /// Reads a result folder (run.json must be there; road.ply, surface.json and vehicles.json where
-/// they are) or, from a file, a cloud or (.json) vehicles alone, as camber vehicles writes them.
+/// they are; of a surface in tiles with options.bounds the patches that reach into these, in
+/// metres) or, from a file, a cloud or (.json) vehicles alone, as camber vehicles writes them.
 /// @throws InputError "file: position: found, expected".
 LoadedResult load_result(const std::filesystem::path& path, const ReadOptions& options = {});
 

@@ -74,8 +74,11 @@ double median_of(std::vector<double> values) {
 
 }  // namespace
 
-TileGround segment_tile_ground(const TilePlan& plan, std::size_t tile, int num_threads) {
-  return segment(plan, read_tile_points(plan, tile, reading_of(plan, num_threads)), num_threads);
+TileGround segment_tile_ground(const TilePlan& plan, std::size_t tile, int num_threads,
+                               detail::KeptParts* kept) {
+  TileReading reading = reading_of(plan, num_threads);
+  reading.kept = kept;
+  return segment(plan, read_tile_points(plan, tile, reading), num_threads);
 }
 
 TileGround segment_whole_ground(const TilePlan& plan, const fs::path& file, int num_threads) {

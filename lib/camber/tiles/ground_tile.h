@@ -9,6 +9,10 @@
 
 namespace camber {
 
+namespace detail {
+class KeptParts;
+}
+
 /// The ground of a tile's own points.
 struct TileGround {
   std::vector<int> labels;  ///< by their numbers in the file: 1 ground, 0 not, -1 not asked about
@@ -19,8 +23,10 @@ struct TileGround {
 /// Which points of a tile are ground by the plan, with as many points around them as its reach asks
 /// for: the labels are those of the whole cloud. Points of the plan's keep_classes and withheld
 /// ones take no part. The same for any number of threads.
+/// @param kept  as of TileReading
 /// @throws InputError; NoAnswerError where the plan has no ground
-TileGround segment_tile_ground(const TilePlan& plan, std::size_t tile, int num_threads);
+TileGround segment_tile_ground(const TilePlan& plan, std::size_t tile, int num_threads,
+                               detail::KeptParts* kept = nullptr);
 
 /// The same of a whole file, undivided.
 TileGround segment_whole_ground(const TilePlan& plan, const std::filesystem::path& file,

@@ -28,13 +28,14 @@ detail::TilePatches read_pieces(const fs::path& file) {
 }  // namespace
 
 TilePieces find_tile_pieces(const TilePlan& plan, std::size_t tile,
-                            const RoadSurfaceOptions& options) {
+                            const RoadSurfaceOptions& options, detail::KeptParts* kept) {
   constexpr double kRounding = 0.01;  // m
   TileReading reading;
   reading.halo = detail::kBlockHalo + kRounding;
   reading.alignment = detail::kBlockSide;
   reading.whole_squares = true;
   reading.num_threads = options.num_threads;
+  reading.kept = kept;
   TilePoints points = read_tile_points(plan, tile, reading);
   throw_if_interrupted();
   std::vector<std::uint8_t> own;
@@ -43,16 +44,16 @@ TilePieces find_tile_pieces(const TilePlan& plan, std::size_t tile,
   detail::PatchBlocks found = detail::fit_patch_blocks(points.cloud, own, options, {});
   TilePieces out;
   out.read_points = points.read_points;
-  detail::TilePatches kept;
-  kept.blocks = std::move(found.blocks);
-  kept.labels.assign(static_cast<std::size_t>(points.own_points), -1);
+  detail::TilePatches pieces;
+  pieces.blocks = std::move(found.blocks);
+  pieces.labels.assign(static_cast<std::size_t>(points.own_points), -1);
   for (std::size_t i = 0; i < points.own.size(); ++i) {
     if (points.own[i] < 0) continue;
-    kept.labels[static_cast<std::size_t>(points.own[i])] = found.labels[i];
+    pieces.labels[static_cast<std::size_t>(points.own[i])] = found.labels[i];
     out.on_pieces += found.labels[i] >= 0 ? 1 : 0;
   }
-  for (const detail::PatchBlock& block : kept.blocks) out.pieces += block.pieces.size();
-  out.bytes = detail::encode_patches(kept);
+  for (const detail::PatchBlock& block : pieces.blocks) out.pieces += block.pieces.size();
+  out.bytes = detail::encode_patches(pieces);
   return out;
 }
 

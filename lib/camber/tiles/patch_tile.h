@@ -10,6 +10,10 @@
 
 namespace camber {
 
+namespace detail {
+class KeptParts;
+}
+
 /// The pieces of patches of a tile's own points, as bytes for join_tile_patches().
 struct TilePieces {
   std::string bytes;
@@ -20,9 +24,10 @@ struct TilePieces {
 
 /// Segments the squares of 128 m that a tile's own points lie in, each with its surroundings, as
 /// fit_road_surface() does of a large cloud. The same for any number of threads.
+/// @param kept  as of TileReading
 /// @throws InputError, NoAnswerError
 TilePieces find_tile_pieces(const TilePlan& plan, std::size_t tile,
-                            const RoadSurfaceOptions& options);
+                            const RoadSurfaceOptions& options, detail::KeptParts* kept = nullptr);
 
 /// The surface that fit_road_surface() makes of a large undivided cloud.
 struct JoinedPatches {

@@ -390,7 +390,9 @@ double choose_side(const std::vector<Input>& inputs, double metres) {
     points += static_cast<double>(input.points);
   }
   double side = points > 0.0 ? std::sqrt(area * kPointsOfTile / points) : 1000.0;
-  // Of small tiles more is read around them than they hold: then up to 2.25 times as many points.
+  // Of small tiles more is read around them than they hold: then up to 2.25 times as many points,
+  // which with what the tile before hands on (KeptParts) keeps what is read at 1.7 times what is
+  // answered to 70 points a square metre, with 184 m around a tile.
   constexpr double kWide = 1500.0;
   side = std::clamp(kWide, side, 1.5 * side);
   const double step = std::pow(10.0, std::floor(std::log10(side)) - 1.0);

@@ -18,6 +18,8 @@
 #include "camber/export/site_points.h"
 #include "camber/road/cloud_profile.h"
 #include "camber/scene/json_reader.h"
+#include "camber/scene/surface_tiles.h"
+#include "camber/tiles/detail/kept_parts.h"
 #include "camber/tiles/ground_tile.h"
 #include "camber/tiles/point_tile.h"
 #include "camber/tiles/tile_points.h"
@@ -229,13 +231,13 @@ bool find_done(const TilePlan& plan, const TileJob& job, std::size_t tile, TileD
 /// The source of a tile's own points with what was found of them, and how much that is.
 class Found {
  public:
-  Found(const TilePlan& plan, const TileJob& job, std::size_t tile) {
+  Found(const TilePlan& plan, const TileJob& job, std::size_t tile, detail::KeptParts* kept) {
     ReadOptions reading;
     reading.num_threads = job.num_threads;
     const auto open = [&] { return open_point_source(plan.path_of(tile), reading); };
     switch (job.kind) {
       case TileJob::Kind::kGround:
-        ground_ = segment_tile_ground(plan, tile, job.num_threads);
+        ground_ = segment_tile_ground(plan, tile, job.num_threads, kept);
         read_points = ground_.read_points;
         counts = {{"ground", ground_.ground}, {"judged", ground_.judged}};
         source = classify_ground(open(), ground_.labels);
@@ -509,7 +511,10 @@ void write_tile_raster(const TilePlan& plan, const TileJob& job, std::size_t til
 
 }  // namespace
 
-TileDone run_tile_job(const TilePlan& plan, const TileJob& job, std::size_t tile) {
+namespace {
+
+TileDone run_tile(const TilePlan& plan, const TileJob& job, std::size_t tile,
+                  detail::KeptParts* kept) {
   TileDone done;
   if (find_done(plan, job, tile, &done)) {
     done.was_there = true;
@@ -525,7 +530,7 @@ TileDone run_tile_job(const TilePlan& plan, const TileJob& job, std::size_t tile
   if (pieces) {
     RoadSurfaceOptions options = job.surface;
     options.num_threads = job.num_threads;
-    const TilePieces found = find_tile_pieces(plan, tile, options);
+    const TilePieces found = find_tile_pieces(plan, tile, options, kept);
     write_file_atomically(out, found.bytes);
     done.points = plan.tiles[tile].points;
     done.read_points = found.read_points;
@@ -533,7 +538,7 @@ TileDone run_tile_job(const TilePlan& plan, const TileJob& job, std::size_t tile
   } else if (cells) {
     write_tile_raster(plan, job, tile, out, &done);
   } else {
-    const Found found(plan, job, tile);
+    const Found found(plan, job, tile, kept);
     done.points = write_points(*found.source, out);
     done.read_points = found.read_points;
     done.counts = found.counts;
@@ -548,16 +553,24 @@ TileDone run_tile_job(const TilePlan& plan, const TileJob& job, std::size_t tile
   return done;
 }
 
+}  // namespace
+
+TileDone run_tile_job(const TilePlan& plan, const TileJob& job, std::size_t tile) {
+  return run_tile(plan, job, tile, nullptr);
+}
+
 TilesRun run_tile_job(const TilePlan& plan, const TileJob& job,
                       const std::vector<std::size_t>& tiles, const Progress& progress) {
   begin_tile_job(plan, job);
   TilesRun out;
+  detail::KeptParts kept;
   for (std::size_t i = 0; i < tiles.size(); ++i) {
     if (progress) {
       progress(to_string(job.kind), static_cast<double>(i) / static_cast<double>(tiles.size()));
     }
     throw_if_interrupted();
-    const TileDone done = run_tile_job(plan, job, tiles[i]);
+    kept.set_next(i + 1 < tiles.size() ? tiles[i + 1] : plan.tiles.size());
+    const TileDone done = run_tile(plan, job, tiles[i], &kept);
     out.points += done.points;
     if (done.was_there) {
       ++out.done_before;
@@ -734,6 +747,25 @@ std::vector<fs::path> profile_files(const TilePlan& plan, TileJob* job) {
   return out;
 }
 
+namespace {
+
+/// Metres.
+std::vector<SurfaceTileSquare> squares_of(const TilePlan& plan) {
+  std::vector<SurfaceTileSquare> out;
+  for (const Tile& tile : plan.tiles) {
+    Eigen::AlignedBox2d square(Eigen::Vector2d(tile.bounds.min().head<2>()),
+                               Eigen::Vector2d(tile.bounds.max().head<2>()));
+    if (tile.square) {
+      square = {Eigen::Vector2d(tile.square->x0, tile.square->y0),
+                Eigen::Vector2d(tile.square->x1, tile.square->y1)};
+    }
+    out.push_back({tile.name, {square.min() * plan.metres, square.max() * plan.metres}});
+  }
+  return out;
+}
+
+}  // namespace
+
 JoinedSurface join_patches(const TilePlan& plan, const TileJob& job) {
   const fs::path folder = job_folder(plan, job);
   JoinedSurface out;
@@ -751,6 +783,7 @@ JoinedSurface join_patches(const TilePlan& plan, const TileJob& job) {
     throw NoAnswerError(folder.string() + ": " + out.patches.fit.reason);
   }
   write_json(to_json(out.patches.fit.surface), folder / "surface.json");
+  write_surface_tiles(out.patches.fit.surface, squares_of(plan), folder);
   write_file_atomically(folder / "patches.ids", out.patches.ids);
   return out;
 }

@@ -154,8 +154,9 @@ struct JoinedSurface {
   std::uint64_t on_pieces = 0;  ///< of these, on pieces
 };
 
-/// Joins what kPatches left of all tiles; writes surface.json and patches.ids (for kLabels) into
-/// the job's folder, which then is one of a surface but for run.json.
+/// Joins what kPatches left of all tiles; writes surface.json, the same by tiles
+/// (write_surface_tiles()) and patches.ids (for kLabels) into the job's folder, which then is one
+/// of a surface but for run.json.
 /// @param job  its `surface` says what is up to the join; the rest is that of the tiles
 /// @throws NoAnswerError where tiles are missing or no ground was found; InputError as join_tiles()
 JoinedSurface join_patches(const TilePlan& plan, const TileJob& job);

@@ -8,6 +8,8 @@
 #include <cstring>
 #include <limits>
 #include <memory>
+#include <numeric>
+#include <optional>
 
 #include "camber/cloud/las_chunks.h"
 #include "camber/cloud/las_file.h"
@@ -16,11 +18,16 @@
 #include "camber/core/hash.h"
 #include "camber/core/interruption.h"
 #include "camber/core/radix_sort.h"
+#include "camber/tiles/detail/kept_parts.h"
 
 namespace fs = std::filesystem;
 
 namespace camber {
 namespace {
+
+using detail::KeptPart;
+using detail::KeptParts;
+using detail::KeptPoint;
 
 constexpr double kSteps = 1024.0;                           // a metre
 constexpr std::int64_t kMostSteps = std::int64_t{1} << 24;  // that a float holds exactly
@@ -98,13 +105,23 @@ class Reader {
 
   void read_own(const fs::path& path) {
     const std::unique_ptr<PointSource> source = open_point_source(path, options_);
-    if (source->header().count.value_or(0) > kMostPoints) {
-      throw NoAnswerError(path.string() +
-                          ": the tile has more than 2^31 points; expected smaller "
-                          "tiles (--tile)");
-    }
+    require_few(source->header().count.value_or(0), path);
     read(*source, path, true, nullptr);
     out_.own_points = out_.read_points;
+  }
+
+  void read_own(std::size_t tile) {
+    const fs::path path = plan_.path_of(tile);
+    const std::vector<TilePart> parts = reading_.kept ? read_tile_parts(plan_, tile) : no_parts();
+    std::uint64_t points = 0;
+    for (const TilePart& part : parts) points += part.points;
+    if (parts.size() < 2 || points != plan_.tiles[tile].points) return read_own(path);
+    require_few(points, path);
+    items_.reserve(static_cast<std::size_t>(points));
+    std::vector<std::size_t> chunks(parts.size());
+    std::iota(chunks.begin(), chunks.end(), std::size_t{0});
+    read_parts(tile, parts, chunks, true, nullptr);
+    out_.own_points = points;
   }
 
   /// Of another tile those within the box.
@@ -116,6 +133,7 @@ class Reader {
     for (std::size_t k = 0; k < parts.size(); ++k) {
       if (parts[k].points > 0 && meets(parts[k].box, box)) chunks.push_back(k);
     }
+    if (reading_.kept) return read_parts(tile, parts, chunks, false, &box);
     if (!chunks.empty()) read(*open_las_chunks(path, options_, chunks), path, false, &box);
   }
 
@@ -148,8 +166,20 @@ class Reader {
   TileRecords finish_records();
 
  private:
+  static std::vector<TilePart> no_parts() { return {}; }
+  static void require_few(std::uint64_t points, const fs::path& path) {
+    if (points <= kMostPoints) return;
+    throw NoAnswerError(path.string() +
+                        ": the tile has more than 2^31 points; expected smaller "
+                        "tiles (--tile)");
+  }
   void take_header(const PointStreamHeader& header, const fs::path& path);
   void read(PointSource& source, const fs::path& path, bool own, const StepBox* box);
+  void read_parts(std::size_t tile, const std::vector<TilePart>& parts,
+                  const std::vector<std::size_t>& chunks, bool own, const StepBox* box);
+  bool take(const Steps& place, std::uint8_t kind, std::uint8_t flags, std::int32_t number,
+            bool own, const StepBox* box, const fs::path& path);
+  std::optional<StepBox> next_box() const;
   std::vector<std::uint32_t> order() const;
 
   const TilePlan& plan_;
@@ -163,64 +193,180 @@ class Reader {
   TilePoints out_;
 };
 
+/// The points of a source one by one, in steps from zero.
+class Decoder {
+ public:
+  Decoder(const Reader& reader, PointSource& source, const fs::path& path)
+      : reader_(reader), source_(source), fields_(source.header().fields), path_(path) {
+    position_ = find_roles(fields_).position;
+    for (std::size_t f = 0; f < fields_.size(); ++f) {
+      if (fields_[f].name == "classification") kind_ = static_cast<int>(f);
+      if (fields_[f].name == "class_flags") flags_ = static_cast<int>(f);
+    }
+  }
+
+  /// @return false after the last one
+  bool next() {
+    ++place_;
+    if (++at_ < batch_.count) return true;
+    do {
+      throw_if_interrupted();
+      if (!source_.next(batch_)) return false;
+    } while (batch_.count == 0);
+    at_ = 0;
+    return true;
+  }
+  std::int32_t place() const { return place_; }  ///< of the point in the source, from 0
+  Steps steps() const {
+    Steps out{};
+    for (std::size_t a = 0; a < 3; ++a) {
+      const double value = position_[a] < 0 ? 0.0 : number(position_[a]);
+      if (!(std::abs(value) < 1e12)) {
+        throw InputError(path_.string(), fmt::format("point {} has the coordinate {}, expected one "
+                                                     "within 1e12 of 0",
+                                                     place_, value));
+      }
+      out[a] = reader_.steps(value, a);
+    }
+    return out;
+  }
+  std::uint8_t kind() const { return byte(kind_); }
+  std::uint8_t flags() const { return byte(flags_); }
+  const char* record() const {
+    return reinterpret_cast<const char*>(batch_.records.data + at_ * batch_.records.stride);
+  }
+
+ private:
+  double number(int field) const {
+    const auto f = static_cast<std::size_t>(field);
+    return batch_.fields[f].number(fields_[f].type, at_);
+  }
+  std::uint8_t byte(int field) const {
+    return field < 0 ? std::uint8_t{0}
+                     : static_cast<std::uint8_t>(std::clamp(number(field), 0.0, 255.0));
+  }
+
+  const Reader& reader_;
+  PointSource& source_;
+  const std::vector<PointField>& fields_;
+  const fs::path& path_;
+  std::array<int, 3> position_{};
+  int kind_ = -1, flags_ = -1;
+  PointBatch batch_;
+  std::size_t at_ = 0;
+  std::int32_t place_ = -1;
+};
+
+/// Takes a point that lies in the box. @return whether it does
+bool Reader::take(const Steps& place, std::uint8_t kind, std::uint8_t flags, std::int32_t number,
+                  bool own, const StepBox* box, const fs::path& path) {
+  if (box && !box->contains(place)) return false;
+  Steps p = place;
+  for (std::size_t a = 0; a < 3; ++a) p[a] -= origin_[a];
+  if (std::abs(p[2]) >= kMostSteps) return false;  // a height of nothing on Earth
+  for (std::size_t a = 0; a < 2; ++a) {
+    if (std::abs(p[a]) < kMostSteps) continue;
+    throw NoAnswerError(fmt::format(
+        "{}: point {} lies more than 16 km from others of its tile; expected smaller tiles "
+        "(--tile), and no points astray (camber filter)",
+        path.string(), number));
+  }
+  GridPoint item;
+  item.x = static_cast<std::int32_t>(p[0]);
+  item.y = static_cast<std::int32_t>(p[1]);
+  item.z = static_cast<std::int32_t>(p[2]);
+  if (own) item.own = number;
+  item.kind = kind;
+  item.flags = flags;
+  items_.push_back(item);
+  return true;
+}
+
 void Reader::read(PointSource& source, const fs::path& path, bool own, const StepBox* box) {
   const PointStreamHeader& header = source.header();
   if (keep_records_) take_header(header, path);
-  const std::array<int, 3> position = find_roles(header.fields).position;
-  int kind = -1, flags = -1;
-  for (std::size_t f = 0; f < header.fields.size(); ++f) {
-    if (header.fields[f].name == "classification") kind = static_cast<int>(f);
-    if (header.fields[f].name == "class_flags") flags = static_cast<int>(f);
-  }
   if (own && header.count) {
     items_.reserve(static_cast<std::size_t>(std::min(*header.count, header.most_reserved)));
   }
-  const auto byte = [&](const PointBatch& batch, int field, std::size_t i) -> std::uint8_t {
-    if (field < 0) return 0;
-    const auto f = static_cast<std::size_t>(field);
-    const double value = batch.fields[f].number(header.fields[f].type, i);
-    return static_cast<std::uint8_t>(std::clamp(value, 0.0, 255.0));
-  };
-  std::int32_t place = 0;
-  for (PointBatch batch; source.next(batch);) {
-    throw_if_interrupted();
-    out_.read_points += batch.count;
-    for (std::size_t i = 0; i < batch.count; ++i, ++place) {
-      Steps p{};
-      for (std::size_t a = 0; a < 3; ++a) {
-        const auto f = static_cast<std::size_t>(position[a]);
-        const double value =
-            position[a] < 0 ? 0.0 : batch.fields[f].number(header.fields[f].type, i);
-        if (!(std::abs(value) < 1e12)) {
-          throw InputError(path.string(), fmt::format("point {} has the coordinate {}, expected "
-                                                      "one within 1e12 of 0",
-                                                      place, value));
-        }
-        p[a] = steps(value, a);
-      }
-      if (box && !box->contains(p)) continue;
-      for (std::size_t a = 0; a < 3; ++a) p[a] -= origin_[a];
-      if (std::abs(p[2]) >= kMostSteps) continue;  // a height of nothing on Earth
-      for (std::size_t a = 0; a < 2; ++a) {
-        if (std::abs(p[a]) < kMostSteps) continue;
-        throw NoAnswerError(fmt::format(
-            "{}: point {} lies more than 16 km from others of its tile; expected smaller tiles "
-            "(--tile), and no points astray (camber filter)",
-            path.string(), place));
-      }
-      GridPoint item;
-      item.x = static_cast<std::int32_t>(p[0]);
-      item.y = static_cast<std::int32_t>(p[1]);
-      item.z = static_cast<std::int32_t>(p[2]);
-      if (own) item.own = place;
-      item.kind = byte(batch, kind, i);
-      item.flags = byte(batch, flags, i);
-      items_.push_back(item);
-      if (!keep_records_) continue;
-      records_.append(reinterpret_cast<const char*>(batch.records.data + i * batch.records.stride),
-                      header_.las->record_length);
-    }
+  for (Decoder point(*this, source, path); point.next();) {
+    ++out_.read_points;
+    const bool taken =
+        take(point.steps(), point.kind(), point.flags(), point.place(), own, box, path);
+    if (taken && keep_records_) records_.append(point.record(), header_.las->record_length);
   }
+}
+
+/// Of a tile's parts some, in the order of the file; those that the tile before left are not
+/// decoded again.
+void Reader::read_parts(std::size_t tile, const std::vector<TilePart>& parts,
+                        const std::vector<std::size_t>& chunks, bool own, const StepBox* box) {
+  KeptParts& kept = *reading_.kept;
+  const fs::path path = plan_.path_of(tile);
+  std::vector<std::size_t> missing;
+  for (const std::size_t k : chunks) {
+    if (!kept.find({tile, k})) missing.push_back(k);
+  }
+  std::unique_ptr<PointSource> source;
+  if (missing.size() == parts.size()) {
+    source = open_point_source(path, options_);
+  } else if (!missing.empty()) {
+    source = open_las_chunks(path, options_, missing);
+  }
+  std::optional<Decoder> point;
+  if (source) point.emplace(*this, *source, path);
+  const std::optional<StepBox> next = next_box();
+  std::uint64_t first = 0;  // point of the file
+  std::size_t part = 0;
+  for (const std::size_t k : chunks) {
+    for (; part < k; ++part) first += parts[part].points;
+    const bool needed = next && parts[k].points > 0 && meets(parts[k].box, *next);
+    const auto number = [&](std::uint64_t i) { return static_cast<std::int32_t>(first + i); };
+    if (const KeptPart* const there = kept.find({tile, k})) {
+      for (std::size_t i = 0; i < there->points.size(); ++i) {
+        const KeptPoint& p = there->points[i];
+        take({there->origin[0] + p.x, there->origin[1] + p.y, there->origin[2] + p.z}, p.kind,
+             p.flags, number(i), own, box, path);
+      }
+      if (needed) kept.leave_again({tile, k});
+      continue;
+    }
+    KeptPart left;
+    bool fits = needed;
+    if (needed) left.points.reserve(static_cast<std::size_t>(parts[k].points));
+    for (std::uint64_t i = 0; i < parts[k].points; ++i) {
+      if (!point || !point->next()) {
+        throw InputError(path.string(), fmt::format("found {} points in a part, expected the {} "
+                                                    "of the plan",
+                                                    i, parts[k].points));
+      }
+      ++out_.read_points;
+      const Steps place = point->steps();
+      take(place, point->kind(), point->flags(), number(i), own, box, path);
+      if (!fits) continue;
+      if (i == 0) left.origin = {place[0], place[1], origin_[2]};
+      std::array<std::int32_t, 3> offset{};
+      for (std::size_t a = 0; a < 3; ++a) {
+        std::int64_t by = place[a] - left.origin[a];
+        if (a == 2) by = std::clamp(by, -kMostSteps, kMostSteps);  // which is not taken
+        fits = fits && std::abs(by) <= std::numeric_limits<std::int32_t>::max();
+        offset[a] = static_cast<std::int32_t>(by);
+      }
+      left.points.push_back({offset[0], offset[1], offset[2], point->kind(), point->flags()});
+    }
+    if (fits) kept.leave({tile, k}, std::move(left));
+  }
+}
+
+/// Where the tile that is read after this one may need points; nothing where there is none.
+std::optional<StepBox> Reader::next_box() const {
+  if (!reading_.kept || reading_.kept->next() >= plan_.tiles.size()) return std::nullopt;
+  const Eigen::AlignedBox3d& bounds = plan_.tiles[reading_.kept->next()].bounds;
+  StepBox box;
+  for (const Eigen::Vector3d& corner : {bounds.min(), bounds.max()}) {
+    box.extend({steps(corner.x(), 0), steps(corner.y(), 1), 0});
+  }
+  box.grow(reading_.halo + (reading_.whole_squares ? reading_.alignment : 0.0));
+  return box;
 }
 
 void Reader::take_header(const PointStreamHeader& header, const fs::path& path) {
@@ -362,8 +508,9 @@ void read_with_halo(const TilePlan& plan, std::size_t tile, const TileReading& r
   const Tile& own = plan.tiles.at(tile);
   check_file(plan, tile, true);
   reader.set_origin(own.bounds.min().x(), own.bounds.min().y());
-  reader.read_own(plan.path_of(tile));
+  reader.read_own(tile);
   if (reading.halo > 0.0) read_within(plan, tile, reader.with_halo(), reader);
+  if (reading.kept) reading.kept->turn();
 }
 
 }  // namespace

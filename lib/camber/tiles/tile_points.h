@@ -12,6 +12,10 @@
 
 namespace camber {
 
+namespace detail {
+class KeptParts;
+}
+
 /// The points of a tile with those around it, as every tile of the plan, and the whole cloud, has
 /// them: coordinates are multiples of 1/1024 m from an origin that is a multiple of the alignment,
 /// and the points are in the order of y, x and height. So what is computed of a point from those
@@ -31,6 +35,9 @@ struct TileReading {
   bool whole_squares = false;  ///< halo beside the squares of the alignment that hold the points
   bool classes = false;        ///< classes and flags, too
   int num_threads = 0;         ///< <= 0: see resolve_num_threads
+  /// Takes what the tile before left there, and leaves what the next one needs; the points are the
+  /// same without. All its readings have the same halo, alignment and classes.
+  detail::KeptParts* kept = nullptr;
 };
 
 /// Reads a tile and, of its neighbours, the parts of their files that reach into the halo.
