@@ -7,6 +7,8 @@
 namespace camber {
 namespace {
 
+constexpr int kWidth = 1000;
+
 /// A camera that drives 1 m a frame at 10 Hz past a vehicle, as windows of three frames see it.
 struct Pass {
   std::vector<WindowMeasurement> windows;
@@ -31,6 +33,7 @@ Pass make_pass(int frames, const Eigen::Vector3d& place, double speed, double fa
     VehicleEstimate v;
     v.id = 1;
     v.vehicle_class = "car";
+    v.box = {400, 100, 500, 150};
     const Eigen::Vector3d here = place + Eigen::Vector3d(0, 0, (0.1 * speed - 1.0) * k);
     v.pose.camera_from_vehicle = SE3(rotation_from_vector({0, -M_PI / 2, 0}), factor * here);
     v.pose.dimensions = {4.2, 1.8, 1.5};
@@ -49,7 +52,7 @@ Pass make_pass(int frames, const Eigen::Vector3d& place, double speed, double fa
 TEST(DriveTracks, AParkedVehicleIsMeasuredByTheWayBetweenItsViews) {
   const Eigen::Vector3d place(3.0, 1.5, 30.0);
   const Pass pass = make_pass(22, place, 0.0, 0.96);  // each view is 4 % too near
-  const DriveTracks found = join_tracks(pass.windows, pass.trajectory, pass.times);
+  const DriveTracks found = join_tracks(pass.windows, pass.trajectory, pass.times, kWidth);
   ASSERT_EQ(found.tracks.size(), 1U);
   EXPECT_TRUE(found.tracks[0].parked);
   EXPECT_EQ(found.tracks[0].views.size(), 22U);
@@ -73,7 +76,7 @@ void put_ground(Pass* pass) {
 }
 
 DriveTrack only_track(const Pass& pass) {
-  const DriveTracks found = join_tracks(pass.windows, pass.trajectory, pass.times);
+  const DriveTracks found = join_tracks(pass.windows, pass.trajectory, pass.times, kWidth);
   EXPECT_EQ(found.tracks.size(), 1U);
   const bool rejected = !found.tracks[0].rejected.empty();
   EXPECT_EQ(found.num_rejected(), rejected ? 1U : 0U);
@@ -120,7 +123,7 @@ TEST(DriveTracks, WhatIsFasterThanVehiclesIsRejected) {
 
 TEST(DriveTracks, AMovingVehicleKeepsItsOwnPlaces) {
   const Pass pass = make_pass(15, {-2.0, 1.5, 20.0}, 12.0, 1.0);
-  const DriveTracks found = join_tracks(pass.windows, pass.trajectory, pass.times);
+  const DriveTracks found = join_tracks(pass.windows, pass.trajectory, pass.times, kWidth);
   ASSERT_EQ(found.tracks.size(), 1U);
   EXPECT_FALSE(found.tracks[0].parked);
   const auto& views = found.tracks[0].views;
@@ -138,8 +141,9 @@ TEST(DriveTracks, AnOncomingVehicleHasTheSizeOfItsNearViews) {
     const double factor = v.pose.bottom_center().norm() > 25.0 ? 0.92 : 1.0;
     v.pose.camera_from_vehicle.set_translation(factor * v.pose.bottom_center());
     v.pose.dimensions = {factor * 4.2, factor * 1.8, factor * 1.5};
+    v.covariance.bottomRightCorner<3, 3>() = 0.04 * 0.04 * Eigen::Matrix3d::Identity();
   }
-  const DriveTracks found = join_tracks(pass.windows, pass.trajectory, pass.times);
+  const DriveTracks found = join_tracks(pass.windows, pass.trajectory, pass.times, kWidth);
   ASSERT_EQ(found.tracks.size(), 1U);
   EXPECT_FALSE(found.tracks[0].parked);
   EXPECT_NEAR(found.tracks[0].dimensions.width, 1.8, 0.05);
@@ -151,7 +155,24 @@ TEST(DriveTracks, AnOncomingVehicleHasTheSizeOfItsNearViews) {
   EXPECT_NEAR(far.pose.bottom_center().x() / far.pose.bottom_center().z(), -2.0 / 60.0, 1e-9);
   const double sigma = std::sqrt(far.covariance(2, 2)) / range;
   EXPECT_GT(sigma, 0.01);
-  EXPECT_LT(sigma, 0.04);  // 2 % of the angle, 2 to 3 of the size; by the ground alone 12 %
+  EXPECT_LT(sigma, 0.04);  // 2 % of the angle, 2 % of the size; by the ground alone 12 %
+}
+
+TEST(DriveTracks, AParkedVehicleIsPlacedByViewsThatThePictureDoesNotCut) {
+  const Eigen::Vector3d place(3.0, 1.5, 20.0);
+  Pass pass = make_pass(16, place, 0.0, 1.0);
+  for (std::size_t k = 9; k < pass.windows.size(); ++k) {  // what is left of it has its own centre
+    VehicleEstimate& v = pass.windows[k].vehicles.vehicles[0];
+    v.pose.camera_from_vehicle.set_translation(v.pose.bottom_center() +
+                                               Eigen::Vector3d(-0.8, 0.0, 0.0));
+    v.box = {850, 100, kWidth - 1.0, 300};
+  }
+  const DriveTracks found = join_tracks(pass.windows, pass.trajectory, pass.times, kWidth);
+  ASSERT_TRUE(found.tracks.at(0).parked);
+  EXPECT_LT((found.tracks[0].views[0].world_from_vehicle.translation() - place).norm(), 0.05);
+  EXPECT_EQ(found.tracks[0].views.size(), 16U);  // placed in the others as well
+  const DriveTracks misled = join_tracks(pass.windows, pass.trajectory, pass.times, 2 * kWidth);
+  EXPECT_GT((misled.tracks.at(0).views[0].world_from_vehicle.translation() - place).norm(), 0.2);
 }
 
 TEST(DriveTracks, TwoDetectionsOfAFrameAreNeverOneTrack) {
@@ -162,7 +183,7 @@ TEST(DriveTracks, TwoDetectionsOfAFrameAreNeverOneTrack) {
     w.tracked.push_back({w.reference, 2, 1});
   }
   pass.windows[2].tracked.push_back({2, 2, 0});  // one window mistakes it
-  const DriveTracks found = join_tracks(pass.windows, pass.trajectory, pass.times);
+  const DriveTracks found = join_tracks(pass.windows, pass.trajectory, pass.times, kWidth);
   for (const VehicleFrame& frame : found.vehicles.frames) {
     ASSERT_EQ(frame.vehicles.size(), 2U);
     EXPECT_NE(frame.vehicles[0].track, frame.vehicles[1].track);
@@ -172,7 +193,7 @@ TEST(DriveTracks, TwoDetectionsOfAFrameAreNeverOneTrack) {
 TEST(DriveTracks, EveryFrameHasItsEntry) {
   Pass pass = make_pass(6, {0, 1.5, 20}, 0.0, 1.0);
   pass.windows.erase(pass.windows.begin() + 3);
-  const DriveTracks found = join_tracks(pass.windows, pass.trajectory, pass.times);
+  const DriveTracks found = join_tracks(pass.windows, pass.trajectory, pass.times, kWidth);
   ASSERT_EQ(found.vehicles.frames.size(), 6U);
   EXPECT_TRUE(found.vehicles.frames[3].vehicles.empty());
 }

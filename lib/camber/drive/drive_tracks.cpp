@@ -3,6 +3,7 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <optional>
 
 #include "camber/drive/detail/track_joining.h"
@@ -20,6 +21,7 @@ struct Seen {
   double time = 0.0;
   SE3 world_from_camera;
   Eigen::Matrix3d information = Eigen::Matrix3d::Zero();  // of the bottom centre, camera
+  bool cut = false;                                       // by a side of the picture
 
   Eigen::Vector3d measured() const { return vehicle->pose.bottom_center(); }
 };
@@ -45,13 +47,9 @@ struct Path {
 class PathFit {
  public:
   PathFit(const std::vector<Seen>& seen, bool moves) : size_(moves ? 7 : 4) {
-    for (const Seen& view : seen) {
-      if (view.vehicle->status != Status::kNotObservable) seen_.push_back(&view);
-    }
-    if (seen_.size() < 2) {
-      seen_.clear();
-      for (const Seen& view : seen) seen_.push_back(&view);
-    }
+    take(seen, [](const Seen& v) { return is_observed(v) && !v.cut; });
+    if (seen_.size() < 2) take(seen, is_observed);
+    if (seen_.size() < 2) take(seen, [](const Seen&) { return true; });
     for (const Seen* view : seen_) mean_time_ += view->time / static_cast<double>(seen_.size());
     alike_ = std::min(kViewsAlike, static_cast<double>(seen_.size()));
   }
@@ -83,6 +81,18 @@ class PathFit {
 
  private:
   static constexpr double kFreedom = 4.0;
+
+  static bool is_observed(const Seen& view) {
+    return view.vehicle->status != Status::kNotObservable;
+  }
+
+  template <typename Wanted>
+  void take(const std::vector<Seen>& seen, const Wanted& wanted) {
+    seen_.clear();
+    for (const Seen& view : seen) {
+      if (wanted(view)) seen_.push_back(&view);
+    }
+  }
 
   /// Direction (two slopes) and logarithm of the distance, over their standard deviations.
   Eigen::Vector3d residual(const Seen& view, const Eigen::VectorXd& at) const {
@@ -144,6 +154,11 @@ std::optional<Path> parked_place(const std::vector<Seen>& seen) {
   const bool plainly =
       stands->cost - moves->cost > kPlainly && moves->velocity.norm() > kLeastSpeed;
   return plainly ? std::nullopt : stands;
+}
+
+bool is_cut(const Box2& box, int image_width) {
+  constexpr double kBorder = 3.0;  // px, as BoxNoise::border_px
+  return box.x1 < kBorder || box.x2 > image_width - 1.0 - kBorder;
 }
 
 /// Whether a view says where its vehicle is.
@@ -229,21 +244,30 @@ struct SizeByNear {
 
 constexpr double kAngularSigma = 0.02;  // relative, of size over distance
 constexpr double kGroundSigma = 0.002;  // a metre: relative, of a distance by the ground
-constexpr double kSizeByNear = 0.02;    // relative, that all views share
 
+/// Relative, of height and width together as a view states them; the prior's where it does not.
+double size_sigma(const VehicleEstimate& v) {
+  constexpr double kPrior = 0.06;
+  const Dimensions& d = v.pose.dimensions;
+  const Eigen::Vector2d by(0.5 / d.height, 0.5 / d.width);
+  const double variance = by.dot(v.covariance.bottomRightCorner<2, 2>() * by);
+  return variance > 0.0 ? std::min(kPrior, std::sqrt(variance)) : kPrior;
+}
+
+/// All views share the prior and what the class's keypoints are off.
 SizeByNear size_by_near(const std::vector<Seen>& seen) {
   Eigen::Vector3d sum = Eigen::Vector3d::Zero();
-  double weights = 0.0;
+  double weights = 0.0, sigma = std::numeric_limits<double>::infinity();
   for (const Seen& view : seen) {
     const double ground = kGroundSigma * view.measured().norm();
     const double weight = 1.0 / (kAngularSigma * kAngularSigma + ground * ground);
     const Dimensions& d = view.vehicle->pose.dimensions;
     sum += weight * Eigen::Vector3d(d.length, d.width, d.height);
     weights += weight;
+    sigma = std::min(sigma, size_sigma(*view.vehicle));
   }
   sum /= weights;
-  const double alike = std::min(kViewsAlike, static_cast<double>(seen.size()));
-  return {{sum.x(), sum.y(), sum.z()}, std::sqrt(kSizeByNear * kSizeByNear + alike / weights)};
+  return {{sum.x(), sum.y(), sum.z()}, sigma};
 }
 
 /// How wide a vehicle is across the ray, m.
@@ -268,8 +292,12 @@ VehicleEstimate given_size(const Seen& view, const SizeByNear& size) {
   const double by_ground =
       ray.dot(place * ray) / (range * range) + std::pow(kGroundSigma * range, 2);
   const double by_size = kAngularSigma * kAngularSigma + size.sigma * size.sigma;
-  const double variance = 1.0 / (1.0 / by_ground + 1.0 / by_size);
-  const Eigen::Vector3d shift = std::expm1(larger * variance / by_size) * measured;
+  const double share = by_ground / (by_ground + by_size);  // of the distance by the size
+  // The view's own distance has the size's error, too.
+  const double in_both = size.sigma * std::min(size.sigma, std::sqrt(by_ground));
+  const double variance = std::pow(1.0 - share, 2) * by_ground + share * share * by_size +
+                          2.0 * share * (1.0 - share) * in_both;
+  const Eigen::Vector3d shift = std::expm1(larger * share) * measured;
   out.pose.camera_from_vehicle.set_translation(measured + shift);
   out.pose.dimensions = one;
   for (Eigen::Vector3d& k : out.keypoints) k += shift;
@@ -310,7 +338,8 @@ std::size_t DriveTracks::num_rejected() const {
 }
 
 DriveTracks join_tracks(const std::vector<WindowMeasurement>& windows, const Trajectory& trajectory,
-                        const std::map<int, double>& time_of, const VehiclePrior* prior) {
+                        const std::map<int, double>& time_of, int image_width,
+                        const VehiclePrior* prior) {
   DriveTracks out;
   std::map<Detection, Seen> views;
   for (const WindowMeasurement& window : windows) {
@@ -318,9 +347,12 @@ DriveTracks join_tracks(const std::vector<WindowMeasurement>& windows, const Tra
     if (!pose) continue;
     const auto time = time_of.find(window.reference);
     for (const VehicleEstimate& v : window.vehicles.vehicles) {
-      views[{window.reference, v.id}] = {&v, window.reference,
+      views[{window.reference, v.id}] = {&v,
+                                         window.reference,
                                          time == time_of.end() ? 0.0 : time->second,
-                                         pose->world_from_camera, information_of(v)};
+                                         pose->world_from_camera,
+                                         information_of(v),
+                                         is_cut(v.box, image_width)};
     }
   }
   std::map<Detection, internal::PlacedDetection> placed;

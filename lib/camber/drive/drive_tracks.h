@@ -41,14 +41,16 @@ struct DriveTracks {
 };
 
 /// Joins the vehicles of windows into tracks: detections that windows take for one vehicle are one
-/// where its motion on the road allows it, never two of one frame; one that was hidden for up to 3 s
-/// goes on. Parked ones have one place in the world, by all their views. A moving one has the size
-/// of its near views, and of its own estimates what agrees with that along each ray. A track of
-/// three views or more whose size, height above the road or motion no vehicle has is rejected.
+/// where its motion on the road allows it, never two of one frame; one that was hidden for up to 3
+/// s goes on. Parked ones have one place in the world, by all their views. A moving one has the
+/// size of its near views, and of its own estimates what agrees with that along each ray. A track
+/// of three views or more whose size, height above the road or motion no vehicle has is rejected.
 /// @param windows   in the order of their references.
 /// @param time_of   s, by frame id.
+/// @param image_width  px: a vehicle that a side of the picture cuts is placed by its other views.
 /// @param prior     not owned; nullptr: the shipped one.
 DriveTracks join_tracks(const std::vector<WindowMeasurement>& windows, const Trajectory& trajectory,
-                        const std::map<int, double>& time_of, const VehiclePrior* prior = nullptr);
+                        const std::map<int, double>& time_of, int image_width,
+                        const VehiclePrior* prior = nullptr);
 
 }  // namespace camber

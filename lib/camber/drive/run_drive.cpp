@@ -175,7 +175,8 @@ DriveResult run_drive(const Scene& scene, const std::vector<int>& frame_ids,
   out.tracks = run("vehicles", 0.98, [&] {
     std::map<int, double> times;
     for (const DriveFrame& frame : out.document.frames) times[frame.id] = frame.time_s;
-    return join_tracks(windows, out.trajectory, times, options.window.vehicles.fit.prior);
+    return join_tracks(windows, out.trajectory, times, scene.camera.width,
+                       options.window.vehicles.fit.prior);
   });
   out.tracks.vehicles.detections_source = scene.detections_source;
   if (progress) progress("vehicles", 1.0);
