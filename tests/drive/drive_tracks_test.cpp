@@ -175,6 +175,14 @@ TEST(DriveTracks, AParkedVehicleIsPlacedByViewsThatThePictureDoesNotCut) {
   EXPECT_GT((misled.tracks.at(0).views[0].world_from_vehicle.translation() - place).norm(), 0.2);
 }
 
+TEST(DriveTracks, OneThatKeepsItsDistanceAheadMoves) {
+  const Pass pass = make_pass(80, {-0.3, 1.5, 28.0}, 10.0, 1.0);
+  const DriveTracks found = join_tracks(pass.windows, pass.trajectory, pass.times, kWidth);
+  ASSERT_EQ(found.tracks.size(), 1U);
+  EXPECT_FALSE(found.tracks[0].parked);
+  EXPECT_NEAR(found.vehicles.frames[40].vehicles[0].pose.bottom_center().z(), 28.0, 0.5);
+}
+
 TEST(DriveTracks, TwoDetectionsOfAFrameAreNeverOneTrack) {
   Pass pass = make_pass(4, {0, 1.5, 20}, 0.0, 1.0);
   for (WindowMeasurement& w : pass.windows) {

@@ -58,6 +58,7 @@ class PathFit {
     constexpr int kIterations = 15;
     Eigen::VectorXd at = Eigen::VectorXd::Zero(size_);
     at.head<3>() = seen_.back()->world_from_camera * seen_.back()->measured();
+    if (size_ == 7) start_moving(&at);
     Eigen::MatrixXd normal;
     for (int iteration = 0; iteration < kIterations; ++iteration) {
       Eigen::VectorXd right;
@@ -81,6 +82,21 @@ class PathFit {
 
  private:
   static constexpr double kFreedom = 4.0;
+
+  /// From rest one that keeps its distance ahead is not found: it seems to stand far away.
+  void start_moving(Eigen::VectorXd* at) const {
+    Eigen::Vector3d mean = Eigen::Vector3d::Zero(), slope = Eigen::Vector3d::Zero();
+    double spread = 0.0;
+    for (const Seen* view : seen_) {
+      const Eigen::Vector3d place = view->world_from_camera * view->measured();
+      const double time = view->time - mean_time_;
+      mean += place / static_cast<double>(seen_.size());
+      slope += time * place;
+      spread += time * time;
+    }
+    at->head<3>() = mean;
+    if (spread > 0.0) at->tail<3>() = slope / spread;
+  }
 
   static bool is_observed(const Seen& view) {
     return view.vehicle->status != Status::kNotObservable;
