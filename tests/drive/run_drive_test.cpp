@@ -3,9 +3,14 @@
 #include "camber/drive/run_drive.h"
 
 #include <gtest/gtest.h>
+#include <sys/inotify.h>
+#include <unistd.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstring>
+#include <map>
 #include <nlohmann/json.hpp>
 
 #include "camber/core/errors.h"
@@ -64,6 +69,56 @@ TEST_F(RunDrive, GivesTheDriveItsLengthRoadAndVehicles) {
                     [](const VehicleFrame& frame) { return !frame.vehicles.empty(); });
   EXPECT_EQ(vehicles, 3);
   EXPECT_LT(result.tracks.tracks.size(), 8U);  // of 13 detections
+}
+
+/// Counts how often files of a folder are opened.
+class OpenCounter {
+ public:
+  explicit OpenCounter(const std::filesystem::path& folder) : queue_(inotify_init1(IN_NONBLOCK)) {
+    watched_ = queue_ >= 0 && inotify_add_watch(queue_, folder.c_str(), IN_OPEN) >= 0;
+  }
+  ~OpenCounter() {
+    if (queue_ >= 0) close(queue_);
+  }
+  OpenCounter(const OpenCounter&) = delete;
+  OpenCounter& operator=(const OpenCounter&) = delete;
+
+  bool watched() const { return watched_; }
+
+  /// Since the last call, by the file's name.
+  std::map<std::string, int> counts() {
+    std::map<std::string, int> out;
+    std::array<char, 1 << 16> events{};
+    for (ssize_t size = 0; (size = read(queue_, events.data(), events.size())) > 0;) {
+      for (ssize_t at = 0; at < size;) {
+        inotify_event event{};
+        std::memcpy(&event, events.data() + at, sizeof event);
+        if (event.len > 0) ++out[events.data() + at + sizeof event];
+        at += static_cast<ssize_t>(sizeof event + event.len);
+      }
+    }
+    return out;
+  }
+
+ private:
+  int queue_;
+  bool watched_ = false;
+};
+
+TEST_F(RunDrive, AnImageIsReadOnceForAllWindows) {
+  const std::filesystem::path first = scene_.frames[0].image;
+  OpenCounter opened(first.parent_path());
+  if (!opened.watched()) GTEST_SKIP() << "no inotify here";
+  stages::FrameLoader(scene_, {}).load(scene_.frames[0].id);
+  const int once = opened.counts()[first.filename()];
+  ASSERT_GT(once, 0);
+  ASSERT_GT(run("windows.log").trajectory.poses.size(), 2U);
+  const std::map<std::string, int> counts = opened.counts();
+  for (const SceneFrame& frame : scene_.frames) {
+    const auto count = counts.find(frame.image.filename());
+    ASSERT_NE(count, counts.end()) << frame.image;
+    EXPECT_EQ(count->second, once) << frame.image;
+  }
 }
 
 TEST_F(RunDrive, WhatItsWindowsShareIsBySourcesAndLens) {
