@@ -141,8 +141,9 @@ class Measurer {
     window_options_.num_threads =
         std::max(1, resolve_num_threads(options.window.num_threads) / at_once_);
     window_options_ = handed_down(window_options_);
-    road_options_ = window_options_;
-    road_options_.rounds = std::min(kRoadRounds, road_options_.rounds);
+    vehicle_options_ = window_options_;
+    vehicle_options_.rounds = std::min(kQuickRounds, vehicle_options_.rounds);
+    road_options_ = vehicle_options_;
     road_options_.photometric = false;
   }
 
@@ -273,14 +274,14 @@ class Measurer {
     bool whole = true;  // false: the motion alone
   };
 
-  /// All that a few frames give where vehicles are to be placed. A road that its neighbours measure
-  /// as well is known from one round of matches (docs/notes/drives.md), unless that says little.
+  /// One round of matches tells the road as well as two (docs/notes/drives.md), unless it says
+  /// little of its scale. Intensities are for the road under vehicles.
   WindowMeasurement measured(const PendingWindow& w, Timings* timings) const {
     const auto by = [&](const ReconstructOptions& options) {
       return measure_window(scene_, w.frames, w.reference, options, options_.samples, timings);
     };
-    if (has_vehicles(w.frames[w.reference]->frame.id)) return by(window_options_);
-    WindowMeasurement quick = by(road_options_);
+    const bool vehicles = has_vehicles(w.frames[w.reference]->frame.id);
+    WindowMeasurement quick = by(vehicles ? vehicle_options_ : road_options_);
     const bool sure = quick.log_scale && quick.scale_sigma <= kSureScale;
     return sure ? quick : by(window_options_);
   }
@@ -338,12 +339,12 @@ class Measurer {
   const Scene& scene_;
   const std::vector<int>& ids_;
   const DriveOptions& options_;
-  ReconstructOptions window_options_, road_options_;
+  ReconstructOptions window_options_, vehicle_options_, road_options_;
   WindowLog& log_;
   Timings& timings_;
   const Progress& progress_;
   static constexpr int kMostAtOnce = 4;
-  static constexpr int kRoadRounds = 1;
+  static constexpr int kQuickRounds = 1;
   static constexpr double kSureScale = 0.05;  // of a window's own
   int at_once_;                               // windows
   std::vector<PendingWindow> pending_;
