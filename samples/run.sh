@@ -85,6 +85,7 @@ for file in out/steep_hill/*; do
     */road.ply) what="the road cloud" ;;
     */surface.json) what="the road's planar patches" ;;
     */vehicles.json) what="the vehicles" ;;
+    */vehicles.csv) what="the vehicles as a table" ;;
     */metrics.json) what="errors against the truth" ;;
     */run.json) what="options, cameras, scale and timings" ;;
     *) what="" ;;
