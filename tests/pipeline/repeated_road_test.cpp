@@ -72,6 +72,21 @@ void code(int least, LoadedFrames* frames) {
   }
 }
 
+struct CodedStreet {
+  LoadedFrames frames;
+  Correspondences matches;
+  MotionEstimate motion;
+};
+
+CodedStreet coded_street() {
+  CodedStreet out;
+  out.frames = street();
+  code(40, &out.frames);
+  out.matches = stages::match(out.frames, {});
+  out.motion = stages::motion(out.frames, out.matches, {});
+  return out;
+}
+
 WindowEstimate estimate(const LoadedFrames& frames) {
   Timings timings;
   const Progress silent;
@@ -105,10 +120,7 @@ TEST(RepeatedRoad, OneThatIsCodedHasItsMetres) {
 }
 
 TEST(RepeatedRoad, WhatPassesIsAPlaneThatGivesTheMetres) {
-  LoadedFrames frames = street();
-  code(40, &frames);
-  const Correspondences matches = stages::match(frames, {});
-  const MotionEstimate motion = stages::motion(frames, matches, {});
+  auto [frames, matches, motion] = coded_street();
   const auto sweep = stages::sweep_road(frames, motion, 1);
   ASSERT_TRUE(sweep);
   const auto found = stages::another_ground(frames, matches, motion, nullptr, sweep, false,
@@ -143,13 +155,11 @@ void give_speed(double factor, LoadedFrames* frames) {
 }
 
 TEST(RepeatedRoad, TwoOfMatchesSweepAndSpeedDecide) {
-  LoadedFrames frames = street();
-  code(40, &frames);
-  const Correspondences matches = stages::match(frames, {});
-  const MotionEstimate motion = stages::motion(frames, matches, {});
+  auto [frames, matches, motion] = coded_street();
   const auto sweep = stages::sweep_road(frames, motion, 1);
   ASSERT_TRUE(sweep);
-  const auto another = [&](double factor, const Ground* found,
+  const auto another = [&, &frames = frames, &matches = matches, &motion = motion](
+                           double factor, const Ground* found,
                            const std::optional<RoadSweepResult>& by) {
     give_speed(factor, &frames);
     return stages::another_ground(frames, matches, motion, found, by, true,
@@ -176,10 +186,7 @@ TEST(RepeatedRoad, TwoOfMatchesSweepAndSpeedDecide) {
 }
 
 TEST(RepeatedRoad, ByTheSpeedAloneItHasItsMetresAndSaysSo) {
-  LoadedFrames frames = street();
-  code(40, &frames);
-  const Correspondences matches = stages::match(frames, {});
-  const MotionEstimate motion = stages::motion(frames, matches, {});
+  auto [frames, matches, motion] = coded_street();
   give_speed(1.0, &frames);
   const auto ground = stages::another_ground(frames, matches, motion, nullptr, std::nullopt, true,
                                              stages::GroundOptions());
