@@ -28,6 +28,7 @@ FOV_SIGMA_DEG = 5.0          # of a guessed field of view, as `camber import --f
 GUESSED_HEIGHT_SIGMA = 0.03  # m, of the height that goes with it, likewise
 CODER_PATTERN = re.compile(r"h26([45]):([1-9]\d*)$")
 SPEED_SIGMA = 0.02           # relative, of given speeds
+LEAST_SPEED_SIGMA = 0.01     # m/s, also where a car stands
 
 
 class Scene:
@@ -295,7 +296,7 @@ def give_speeds(scene, manifest, seed):
         if not elapsed > 0.0:
             raise BadInput(f"{scene.folder}: no times for speeds")
         frame["speed"] = factor * way / elapsed
-        frame["speed_sigma"] = SPEED_SIGMA * frame["speed"]
+        frame["speed_sigma"] = max(SPEED_SIGMA * frame["speed"], LEAST_SPEED_SIGMA)
 
 
 def times_of(manifest):
