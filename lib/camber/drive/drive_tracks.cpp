@@ -251,8 +251,8 @@ Dimensions mean_dimensions(const std::vector<Seen>& seen) {
   return {sum.x(), sum.y(), sum.z()};
 }
 
-/// One size of a vehicle that moves. The error of the ground under it grows with the distance, and
-/// the size goes with it: near views tell it.
+/// One size of a vehicle that moves: a weighted mean. The error of the ground under it grows with
+/// the distance, and with it that of the size.
 struct SizeByNear {
   Dimensions dimensions;
   double sigma = 0.0;  // relative

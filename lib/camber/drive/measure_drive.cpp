@@ -274,8 +274,8 @@ class Measurer {
     bool whole = true;  // false: the motion alone
   };
 
-  /// One round of matches tells the road as well as two (docs/notes/drives.md), unless it says
-  /// little of its scale. Intensities are for the road under vehicles.
+  /// By one round of matches; once more by all rounds where that measures the scale badly
+  /// (docs/notes/drives.md). Intensities are for the road under vehicles.
   WindowMeasurement measured(const PendingWindow& w, Timings* timings) const {
     const auto by = [&](const ReconstructOptions& options) {
       return measure_window(scene_, w.frames, w.reference, options, options_.samples, timings);

@@ -86,7 +86,7 @@ bool may_be_another(const FoundRoad& road, const MeasuredGround& measured) {
 /// The same by what passes on the road and by the given speed: another ground where they show one,
 /// else what passes as a measurement of this one's.
 /// @param layer  whether it is the layer that is in doubt: then a speed alone shows another.
-/// @return none where they say nothing that was not known before.
+/// @return none without a new measurement.
 std::optional<PhotometricGround> by_other_sources(const FoundRoad& road,
                                                   const PhotometricGround& refined, bool layer,
                                                   const ReconstructOptions& o,

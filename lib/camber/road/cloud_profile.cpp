@@ -368,7 +368,7 @@ CloudProfile Profiler::run() {
   find_edges();
   double noise = 0.0;
   roughness_ = estimate_roughness(nullptr, &noise);
-  // Nodes no farther apart than the data can tell the ground from its neighbourhood.
+  // Nodes no farther apart than the equivalent kernel is wide.
   constexpr double kLeastApart = 0.5;  // m
   const double bandwidth = roughness_.bandwidth(noise, density_, 2.0 * options_.half_width);
   if (bandwidth < along_) {

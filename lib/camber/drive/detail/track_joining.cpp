@@ -20,7 +20,7 @@ constexpr double kSpeedSigma = 15.0;     // m/s, an axis
 constexpr double kAcceleration = 2.0;    // m^2 / s^3, as TrajectoryNoise::acceleration_density
 constexpr double kLongestHidden = 3.0;   // s
 constexpr double kPlainly = 9.0;         // less cost of one that moves
-constexpr std::size_t kViewsAbout = 10;  // that tell how a moving vehicle goes on
+constexpr std::size_t kViewsAbout = 10;  // that a moving vehicle's velocity is fitted to
 /// m, a car's length: where a place is known no better another vehicle may stand.
 constexpr double kMostSigma = 5.0;
 
