@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Makes the files of a survey from the air, as large as wanted, as LAS.
 
-    survey_tiles.py FOLDER --points 1e7 [--density 10] [--files 4] [--seed 1]
+    survey_tiles.py FOLDER --points 1e7 [--density 10] [--files 4] [--only K] [--seed 1]
 
 Hills of some tens of metres with houses, trees, hedges and ponds; 5 cm of noise; a point in 5,000 is
 a reflection some metres below. The files are squares side by side on a map in metres. The same
@@ -90,14 +90,14 @@ def make_file(path, column, row, side, count, seed):
     part.rename(path)
 
 
-def make_survey(folder, points, density, files, seed):
-    """Paths of the files, which are made where they are not there."""
+def make_survey(folder, points, density, files, seed, only=None):
+    """Paths of the files, or that of one of them, which are made where they are not there."""
     folder.mkdir(parents=True, exist_ok=True)
     columns = math.ceil(math.sqrt(files))
     count = math.ceil(points / files)
     side = math.sqrt(count / density)
     paths = []
-    for k in range(files):
+    for k in range(files) if only is None else [only]:
         path = folder / f"made_{k % columns}_{k // columns}.las"
         if not path.exists():
             make_file(path, k % columns, k // columns, side, count, seed)
@@ -112,9 +112,13 @@ def main():
     parser.add_argument("--points", type=float, default=1e6)
     parser.add_argument("--density", type=float, default=10.0, help="points a square metre")
     parser.add_argument("--files", type=int, default=1)
+    parser.add_argument("--only", type=int, metavar="K", help="file K of them, from 0")
     parser.add_argument("--seed", type=int, default=1)
     args = parser.parse_args()
-    for path in make_survey(args.folder, args.points, args.density, args.files, args.seed):
+    if args.only is not None and not 0 <= args.only < args.files:
+        parser.error(f"--only {args.only}: expected 0 to {args.files - 1}")
+    for path in make_survey(args.folder, args.points, args.density, args.files, args.seed,
+                            args.only):
         print(path)
     return 0
 
