@@ -145,8 +145,7 @@ int run(const Command& command, const Arguments& args) {
   if (bounds) keep_within(*bounds, &file, &fit);
 
   StageTimer write(timings, "write");
-  json surface = to_json(fit.surface);
-  write_json(surface, folder.staging() / "surface.json");
+  write_surface(fit.surface, folder.staging() / "surface.json");
   const long on_patches =
       std::count_if(fit.labels.begin(), fit.labels.end(), [](int label) { return label >= 0; });
   file.cloud.labels["patch"] = fit.labels;
@@ -176,6 +175,7 @@ int run(const Command& command, const Arguments& args) {
     print_table(fit, on_patches, file.cloud.size());
     return 0;
   }
+  json surface = to_json(fit.surface);
   surface["version"] = kVersion;
   surface["seed"] = options.seed;
   surface["options"] = *document.options;

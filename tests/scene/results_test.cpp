@@ -11,6 +11,7 @@
 
 #include "camber/core/errors.h"
 #include "camber/core/version.h"
+#include "camber/scene/json_reader.h"
 #include "support/test_data.h"
 
 namespace camber {
@@ -145,10 +146,21 @@ TEST(SurfaceJson, HasTheDocumentedKeysAndUnits) {
   EXPECT_EQ(surface["patches"][1]["offset"], nullptr);
 }
 
+TEST(SurfaceJson, IsWrittenPieceByPieceAsWhole) {
+  const test::TemporaryFolder folder;
+  RoadSurface without = make_surface();
+  without.patches.clear();
+  without.links.clear();
+  for (const RoadSurface& surface : {make_surface(), without}) {
+    write_surface(surface, folder.path() / "surface.json");
+    EXPECT_EQ(test::read_text(folder.path() / "surface.json"), format_json(to_json(surface)));
+  }
+}
+
 TEST(SurfaceJson, SurvivesWritingAndReading) {
   const test::TemporaryFolder folder;
   const RoadSurface surface = make_surface();
-  write_json(to_json(surface), folder.path() / "surface.json");
+  write_surface(surface, folder.path() / "surface.json");
   const RoadSurface read = read_surface(folder.path() / "surface.json");
   ASSERT_EQ(read.patches.size(), 2u);
   EXPECT_EQ(read.patches[0].plane.plane.normal, surface.patches[0].plane.plane.normal);

@@ -88,7 +88,7 @@ void write_drive_surface(const DriveSurface& road, const fs::path& folder) {
   fs::create_directories(folder, error);
   if (error) throw OutputError(folder.string(), error.message());
   write_cloud(road.cloud, folder / "road.ply");
-  write_json(to_json(road.surface), folder / "surface.json");
+  write_surface(road.surface, folder / "surface.json");
   write_json(to_json(road.run), folder / "run.json");
 }
 

@@ -148,7 +148,7 @@ std::string write_reconstruction(const Scene& scene, Reconstruction& result, con
     const StageTimer timer(timings, "write");
     write_cloud(result.cloud, staging / "road.ply");
     if (!result.road_mask.empty()) write_png(result.road_mask, staging / "road_mask.png");
-    write_json(to_json(result.surface), staging / "surface.json");
+    write_surface(result.surface, staging / "surface.json");
     write_json(to_json(result.vehicles), staging / "vehicles.json");
     write_file_atomically(staging / "vehicles.csv",
                           vehicles_csv(result.vehicles, times_of(scene, result.frame_ids)));

@@ -7,7 +7,6 @@
 #include <Eigen/Eigenvalues>
 #include <Eigen/SparseCholesky>
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstdint>
 #include <limits>
@@ -191,53 +190,51 @@ std::vector<Vector2d> border_places(const PlanView& view, const PlanePatch& a, c
           middle + (high - 0.2 * (high - low)) * along};
 }
 
-/// Entries of the inverse of L D L'. What three of its columns have at each other's places hangs on
-/// the places' ways to the root of the elimination tree alone (Davis, Direct Methods for Sparse
-/// Linear Systems, 2006, 3.2): all the rest is passed over, which makes the same numbers.
-class InverseBlock {
+/// Entries of the inverse of L D L' at the places of L and its diagonal, from the last column to the
+/// first: each column needs no others than those of later ones (Takahashi, Fagan and Chen, "Formation
+/// of a sparse bus impedance matrix", PICA 1973; Erisman and Tinney, CACM 18, 1975).
+class SelectedInverse {
  public:
-  InverseBlock(const Eigen::SparseMatrix<double>& lower, const Eigen::VectorXd& diagonal)
-      : lower_(lower), diagonal_(diagonal) {}
+  /// @param lower  L without its diagonal of ones, rows ascending, with all places of its fill
+  SelectedInverse(const Eigen::SparseMatrix<double>& lower, const Eigen::VectorXd& diagonal)
+      : entries_(lower), diagonal_(lower.cols()) {
+    Eigen::VectorXd factors = Eigen::VectorXd::Zero(lower.cols()), sums = factors;
+    for (Eigen::Index j = lower.cols() - 1; j >= 0; --j) {
+      for (Entry entry(lower, j); entry; ++entry) {
+        factors[entry.row()] = entry.value();
+        sums[entry.row()] = 0.0;
+      }
+      // Rows of this column that meet in a later column are a place of L there.
+      for (Entry entry(lower, j); entry; ++entry) {
+        const Eigen::Index k = entry.row();
+        const double factor = entry.value();
+        double sum = factor * diagonal_[k];
+        for (Entry known(entries_, k); known; ++known) {
+          sum += factors[known.row()] * known.value();
+          sums[known.row()] += factor * known.value();
+        }
+        sums[k] += sum;
+      }
+      double sum = 1.0 / diagonal[j];
+      for (Entry entry(entries_, j); entry; ++entry) {
+        entry.valueRef() = -sums[entry.row()];
+        sum += sums[entry.row()] * factors[entry.row()];
+        factors[entry.row()] = 0.0;
+      }
+      diagonal_[j] = sum;
+    }
+  }
 
-  /// @param values  memory for the work, as many as columns
-  Matrix3d operator()(const std::array<int, 3>& places, std::vector<double>* values) const {
-    std::vector<int> ways;  // ascending: below a place there are its columns' rows
-    for (const int place : places) {
-      for (int i = place; i >= 0; i = parent(i)) ways.push_back(i);
-    }
-    std::sort(ways.begin(), ways.end());
-    ways.erase(std::unique(ways.begin(), ways.end()), ways.end());
-    const auto x = [&](Eigen::Index i) -> double& {
-      return (*values)[static_cast<std::size_t>(i)];
-    };
-    Matrix3d out;
-    for (int column = 0; column < 3; ++column) {
-      for (const int i : ways) x(i) = 0.0;
-      x(places[static_cast<std::size_t>(column)]) = 1.0;
-      for (const int i : ways) {
-        const double value = x(i);
-        if (value == 0.0) continue;
-        for (Entry entry(lower_, i); entry; ++entry) x(entry.row()) -= value * entry.value();
-      }
-      for (const int i : ways) x(i) *= 1.0 / diagonal_[i];
-      for (auto i = ways.rbegin(); i != ways.rend(); ++i) {
-        double sum = x(*i);
-        for (Entry entry(lower_, *i); entry; ++entry) sum -= entry.value() * x(entry.row());
-        x(*i) = sum;
-      }
-      for (int row = 0; row < 3; ++row) out(row, column) = x(places[static_cast<std::size_t>(row)]);
-    }
-    return out;
+  /// @param row,column  a place of L or of its transpose, or the diagonal
+  double operator()(Eigen::Index row, Eigen::Index column) const {
+    return row == column ? diagonal_[row]
+                         : entries_.coeff(std::max(row, column), std::min(row, column));
   }
 
  private:
   using Entry = Eigen::SparseMatrix<double>::InnerIterator;
-  int parent(int column) const {
-    const Entry first(lower_, column);
-    return first ? static_cast<int>(first.row()) : -1;
-  }
-  const Eigen::SparseMatrix<double>& lower_;  // without its diagonal of ones, rows ascending
-  const Eigen::VectorXd& diagonal_;
+  Eigen::SparseMatrix<double> entries_;  // below the diagonal
+  Eigen::VectorXd diagonal_;
 };
 
 /// The 3 x 3 blocks on the diagonal of the inverse of J' J.
@@ -259,14 +256,15 @@ std::vector<Matrix3d> inverse_blocks(const ceres::CRSMatrix& jacobian) {
   std::vector<Matrix3d> blocks(static_cast<std::size_t>(jacobian.num_cols / 3),
                                Matrix3d::Constant(std::numeric_limits<double>::quiet_NaN()));
   if (solver.info() != Eigen::Success) return blocks;
-  const Eigen::SparseMatrix<double>& lower = solver.matrixL().nestedExpression();
-  const Eigen::VectorXd diagonal = solver.vectorD();
-  const InverseBlock inverse(lower, diagonal);
-  std::vector<double> values(static_cast<std::size_t>(lower.cols()), 0.0);
+  const SelectedInverse inverse(solver.matrixL().nestedExpression(), solver.vectorD());
+  const auto& places = solver.permutationP().indices();
   for (std::size_t k = 0; k < blocks.size(); ++k) {
-    const auto at = static_cast<Eigen::Index>(3 * k);
-    const auto& places = solver.permutationP().indices();
-    blocks[k] = inverse({places[at], places[at + 1], places[at + 2]}, &values);
+    for (Eigen::Index row = 0; row < 3; ++row) {
+      for (Eigen::Index column = 0; column < 3; ++column) {
+        const auto first = static_cast<Eigen::Index>(3 * k);
+        blocks[k](row, column) = inverse(places[first + row], places[first + column]);
+      }
+    }
   }
   return blocks;
 }

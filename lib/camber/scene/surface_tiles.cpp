@@ -133,7 +133,7 @@ void write_surface_tiles(const RoadSurface& surface, const std::vector<SurfaceTi
     }
     for (const std::size_t i : links[k]) part.links.push_back(surface.links[i]);
     const std::string file = tiles[k].name + ".json";
-    write_json(to_json(part), index.parent_path() / file);
+    write_surface(part, index.parent_path() / file);
     entries.push_back(
         {{"file", file},
          {"patches", part.patches.size()},

@@ -782,7 +782,7 @@ JoinedSurface join_patches(const TilePlan& plan, const TileJob& job) {
   if (out.patches.fit.status == Status::kFailed) {
     throw NoAnswerError(folder.string() + ": " + out.patches.fit.reason);
   }
-  write_json(to_json(out.patches.fit.surface), folder / "surface.json");
+  write_surface(out.patches.fit.surface, folder / "surface.json");
   write_surface_tiles(out.patches.fit.surface, squares_of(plan), folder);
   write_file_atomically(folder / "patches.ids", out.patches.ids);
   return out;
