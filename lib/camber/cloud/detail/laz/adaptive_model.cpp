@@ -12,8 +12,9 @@ constexpr std::uint32_t kOne = 1u << 31;
 }  // namespace
 
 SymbolModel::SymbolModel(unsigned symbols) : symbols_(symbols) {
-  unsigned hint_bits = 1;
-  while ((2u << hint_bits) < symbols) ++hint_bits;
+  // Two to four hints a symbol: few steps are left, whose number no processor foresees.
+  unsigned hint_bits = 2;
+  while ((1u << hint_bits) < 2 * symbols) ++hint_bits;
   hint_shift_ = kSymbolBits - hint_bits;
   const std::size_t hints = std::size_t{1} << hint_bits;
   memory_ = std::make_unique<std::uint16_t[]>(2 * symbols + 1 + hints);
@@ -62,12 +63,6 @@ void BitModel::update() {
   zero_ = zero_count_ * (kOne / total_) >> (31 - kBitBits);
   cycle_ = std::min(5 * cycle_ / 4, 64u);
   until_update_ = cycle_;
-}
-
-SymbolModel& IntegerModel::place(unsigned width) {
-  std::unique_ptr<SymbolModel>& model = places_[width];
-  if (!model) model = std::make_unique<SymbolModel>(1u << std::min(width, kModelledBits));
-  return *model;
 }
 
 }  // namespace camber::laz

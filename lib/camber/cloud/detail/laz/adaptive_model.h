@@ -16,7 +16,10 @@ inline constexpr unsigned kBitBits = 13;     ///< those of a bit to 2^13
 /// own in the same way.
 class SymbolModel {
  public:
+  SymbolModel() = default;  ///< of no symbols: not made yet
   explicit SymbolModel(unsigned symbols);
+
+  bool made() const { return starts_ != nullptr; }
 
   unsigned last() const { return symbols_ - 1; }
   /// Where a symbol's interval starts, of 2^15; that of `last() + 1` ends the last one.
@@ -65,13 +68,13 @@ class SymbolModels {
  public:
   SymbolModels(std::size_t count, unsigned symbols) : symbols_(symbols), models_(count) {}
   SymbolModel& operator[](std::size_t i) {
-    if (!models_[i]) models_[i] = std::make_unique<SymbolModel>(symbols_);
-    return *models_[i];
+    if (!models_[i].made()) models_[i] = SymbolModel(symbols_);
+    return models_[i];
   }
 
  private:
   unsigned symbols_;
-  std::vector<std::unique_ptr<SymbolModel>> models_;
+  std::vector<SymbolModel> models_;
 };
 
 /// Codes integers by their difference to a prediction: how many bits the difference has, then its
@@ -98,8 +101,14 @@ class IntegerModel {
   unsigned width_ = 0;
   SymbolModels widths_;
   BitModel zero_or_one_;
-  std::vector<std::unique_ptr<SymbolModel>> places_;  // by width
+  std::vector<SymbolModel> places_;  // by width
 };
+
+inline SymbolModel& IntegerModel::place(unsigned width) {
+  SymbolModel& model = places_[width];
+  if (!model.made()) model = SymbolModel(1u << (width < kModelledBits ? width : kModelledBits));
+  return model;
+}
 
 template <typename Coder>
 std::int32_t IntegerModel::code(Coder& coder, std::int32_t predicted, unsigned context,

@@ -2,6 +2,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <cstring>
 
 #include "camber/cloud/detail/laz/adaptive_model.h"
 
@@ -107,6 +108,18 @@ class ArithmeticDecoder {
     return false;
   }
   void renormalise() {
+    // How many bytes come next cannot be foretold, so there is no branch for each of them.
+    if (end_ - at_ >= 4 && length_ != 0) {
+      std::uint32_t next;
+      std::memcpy(&next, at_, sizeof next);
+      const int bytes = __builtin_clz(length_) / 8;
+      const std::uint64_t shifted = (std::uint64_t{value_} << 32 | __builtin_bswap32(next))
+                                    << 8 * bytes;
+      value_ = static_cast<std::uint32_t>(shifted >> 32);
+      length_ <<= 8 * bytes;
+      at_ += bytes;
+      return;
+    }
     while (length_ < kShortest) {
       // Damaged bytes can leave an interval of nothing.
       if (length_ == 0) {
