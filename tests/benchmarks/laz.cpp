@@ -33,7 +33,8 @@ void put(std::string& out, std::size_t at, T value) {
 }
 
 /// LAS (ASPRS, "LAS Specification 1.4 - R15") of a hilly kilometre square, flown in eight strips:
-/// 2 cm of noise, steps of 1 mm, one to three returns, colours that change slowly. @param format  3, 7
+/// 2 cm of noise, steps of 1 mm, one or two returns, colours that change slowly. @param format 3,
+/// 7
 std::string make_las(std::size_t points, int format, std::uint64_t seed) {
   const std::size_t header = format == 3 ? 227 : 375, record = format == 3 ? 34 : 36;
   std::string out(header + points * record, '\0');
@@ -73,8 +74,8 @@ std::string make_las(std::size_t points, int format, std::uint64_t seed) {
     const unsigned returns = above ? 2 : 1;
     const auto number = static_cast<unsigned>(1 + (above && draw(6) < 0.5 ? 1 : 0));
     const double time = 1e5 + 60.0 * static_cast<double>(strip) + 1e-5 * static_cast<double>(i);
-    const auto shade = static_cast<std::uint16_t>(
-        256.0 * (100.0 + 60.0 * std::sin(x / 11.0) + 8.0 * draw(7)));
+    const auto shade =
+        static_cast<std::uint16_t>(256.0 * (100.0 + 60.0 * std::sin(x / 11.0) + 8.0 * draw(7)));
     const std::array<std::uint16_t, 3> colour{shade, static_cast<std::uint16_t>(shade / 2 + 9000),
                                               static_cast<std::uint16_t>(shade / 3 + 7000)};
     const auto kind = static_cast<std::uint8_t>(above ? 5 : 2);
