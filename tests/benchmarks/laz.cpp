@@ -33,8 +33,8 @@ void put(std::string& out, std::size_t at, T value) {
 }
 
 /// LAS (ASPRS, "LAS Specification 1.4 - R15") of a hilly kilometre square, flown in eight strips:
-/// 2 cm of noise, steps of 1 mm, one or two returns, colours that change slowly. @param format 3,
-/// 7
+/// 2 cm of noise, steps of 1 mm, one or two returns, colours that change slowly.
+/// @param format  3 or 7
 std::string make_las(std::size_t points, int format, std::uint64_t seed) {
   const std::size_t header = format == 3 ? 227 : 375, record = format == 3 ? 34 : 36;
   std::string out(header + points * record, '\0');
