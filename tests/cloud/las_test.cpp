@@ -250,6 +250,39 @@ TEST(Las, WriterFillsTheHeader) {
   EXPECT_THROW(write_to_memory(cloud, CloudFormat::kLas), std::invalid_argument);
 }
 
+/// Multiples of 1/32 m from 629 km on, half of which lie half-way between two steps of a file, as
+/// a file keeps them: whole steps from zero. @param first  m, of the point that chooses the offset
+std::vector<std::int64_t> kept_steps(double first) {
+  std::string text = std::to_string(first) + " 0 0\n";
+  constexpr int kCount = 2000;
+  for (int k = 0; k < kCount; ++k) {
+    char line[64];
+    std::snprintf(line, sizeof line, "%.5f 0 0\n", 629000.0 + k / 32.0);
+    text += line;
+  }
+  const auto source = open_point_source(text.data(), text.size(), "a.xyz");
+  std::ostringstream out;
+  const auto sink =
+      make_point_sink(out, source->header(), CloudFormat::kLas, CloudEncoding::kBinary);
+  for (PointBatch batch; source->next(batch);) sink->write(batch);
+  sink->finish();
+  const std::string bytes = out.str();
+  const double scale = get<double>(bytes, 131), offset = get<double>(bytes, 155);
+  std::vector<std::int64_t> steps;
+  for (int k = 1; k <= kCount; ++k) {
+    const std::size_t at = get<std::uint32_t>(bytes, 96) +
+                           get<std::uint16_t>(bytes, 105) * static_cast<std::size_t>(k);
+    steps.push_back(get<std::int32_t>(bytes, at) + std::llround(offset / scale));
+  }
+  return steps;
+}
+
+TEST(Las, HalvesOfAStepAreRoundedAlikeWithEveryOffset) {
+  const std::vector<std::int64_t> near = kept_steps(629000.0);
+  EXPECT_EQ(kept_steps(655321.0), near);
+  EXPECT_EQ(kept_steps(601000.0), near);
+}
+
 TEST(Las, ToLasKeepsTheGridAndEveryAttribute) {
   std::string bytes = make_las(4, 7, 36, 500);
   const CounterRandom random(5);

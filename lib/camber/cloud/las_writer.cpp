@@ -2,9 +2,11 @@
 // ("LAS Specification 1.4 - R15", 2019, and its predecessors).
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <map>
+#include <optional>
 
 #include "camber/cloud/detail/las_format.h"
 #include "camber/cloud/detail/laz/laz_writer.h"
@@ -244,6 +246,7 @@ class LasSink : public PointSink {
       const double first = batch.count > 0 ? value(batch, position_[axis], 0) : 0.0;
       offset_[a] =
           std::abs(first) > 1e5 && std::isfinite(first) ? std::round(first / 1e3) * 1e3 : 0.0;
+      offset_steps_[axis] = std::round(offset_[a] / scale_[a]);
     }
   }
 
@@ -251,7 +254,9 @@ class LasSink : public PointSink {
     for (std::size_t axis = 0; axis < 3; ++axis) {
       const Eigen::Index a = static_cast<Eigen::Index>(axis);
       const double x = value(batch, position_[axis], i);
-      const double steps = std::round((x - offset_[a]) / scale_[a]);
+      // A coordinate half-way between two steps is rounded alike, whichever offset a file has.
+      const double steps = offset_steps_[axis] ? std::round(x / scale_[a]) - *offset_steps_[axis]
+                                               : std::round((x - offset_[a]) / scale_[a]);
       if (!(std::abs(steps) <= kMostSteps)) {
         std::string shown_value;
         append_number(shown_value, x);
@@ -449,6 +454,7 @@ class LasSink : public PointSink {
   LasPointFormat format_;
   std::size_t record_size_ = 0;
   Eigen::Vector3d scale_{1e-4, 1e-4, 1e-4}, offset_{0, 0, 0};
+  std::array<std::optional<double>, 3> offset_steps_;  // where the offset is a number of steps
   Eigen::Vector3d low_{0, 0, 0}, high_{0, 0, 0};
   bool grid_set_ = false;
   bool angles_ = false;                       // x and y

@@ -29,7 +29,7 @@ struct Seen {
 constexpr double kDirectionSigma = 0.15;  // m across the ray, of the centre by the visible part
 constexpr double kBoxSigma = 0.003;       // rad
 constexpr double kOwnRange = 0.04;        // relative, of one view beside what its covariance has
-constexpr double kSizeSigma = 0.08;       // relative, of what the size does to all distances
+constexpr double kSizeSigma = 0.04;       // relative, of what the size does to all distances
 constexpr double kViewsAlike = 5.0;       // neighbouring windows share their errors
 constexpr double kSpeedSigma = 15.0;      // m/s, of vehicles that move
 
