@@ -17,6 +17,7 @@
 #include "camber/road/cut_surface.h"
 #include "camber/road/fit_road_surface.h"
 #include "camber/scene/results.h"
+#include "camber/scene/surface_file.h"
 #include "cloud_arguments.h"
 #include "command.h"
 #include "crs.h"

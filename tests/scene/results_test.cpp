@@ -12,6 +12,7 @@
 #include "camber/core/errors.h"
 #include "camber/core/version.h"
 #include "camber/scene/json_reader.h"
+#include "camber/scene/surface_file.h"
 #include "support/test_data.h"
 
 namespace camber {

@@ -9,6 +9,7 @@
 #include "camber/core/errors.h"
 #include "camber/road/strip_surface.h"
 #include "camber/scene/georeference.h"
+#include "camber/scene/surface_file.h"
 
 namespace fs = std::filesystem;
 

@@ -22,6 +22,7 @@
 #include "camber/render/overlay.h"
 #include "camber/render/pictures.h"
 #include "camber/render/report.h"
+#include "camber/scene/surface_file.h"
 #include "camber/scene/vehicle_table.h"
 
 namespace fs = std::filesystem;

@@ -183,31 +183,6 @@ std::string format_json(const json& value) {
   return out + "\n";
 }
 
-void write_json_object(std::ostream& out, const json& object,
-                       const std::map<std::string, JsonElements>& arrays) {
-  json keys = object;
-  for (const auto& [key, array] : arrays) keys[key] = json::array();
-  const char* before = "{\n  ";
-  for (auto at = keys.begin(); at != keys.end(); ++at) {
-    std::string text = before + scalar_text(at.key()) + ": ";
-    before = ",\n  ";
-    const auto array = arrays.find(at.key());
-    if (array == arrays.end() || array->second.count == 0) {
-      append_json(*at, 2, text);
-    } else {
-      for (std::size_t k = 0; k < array->second.count; ++k) {
-        text += k == 0 ? "[\n    " : ",\n    ";
-        append_json(array->second.element(k), 4, text);
-        out << text;
-        text.clear();
-      }
-      text = "\n  ]";
-    }
-    out << text;
-  }
-  out << "\n}\n";
-}
-
 nlohmann::json parse_json(const std::string& text, const std::string& file) {
   DocumentBuilder builder(text, file);
   json::sax_parse(text, &builder);

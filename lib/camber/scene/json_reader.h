@@ -6,8 +6,6 @@
 #include <map>
 #include <nlohmann/json.hpp>
 #include <optional>
-#include <functional>
-#include <ostream>
 #include <set>
 #include <string>
 #include <string_view>
@@ -112,14 +110,6 @@ Plane read_plane(const JsonCursor& cursor, bool in_camera);
 /// JSON text indented by two spaces, with arrays of plain values on one line; ends in a newline.
 /// Bytes that are no UTF-8 are replaced.
 std::string format_json(const nlohmann::json& value);
-/// An array that is written element by element, for documents that are larger than memory as JSON.
-struct JsonElements {
-  std::size_t count = 0;
-  std::function<nlohmann::json(std::size_t)> element;
-};
-/// An object as format_json() gives it, with further keys of such arrays.
-void write_json_object(std::ostream& out, const nlohmann::json& object,
-                       const std::map<std::string, JsonElements>& arrays);
 
 /// Numbers that are not finite become null.
 nlohmann::json number_json(double value);

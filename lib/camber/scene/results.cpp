@@ -330,34 +330,6 @@ ConstraintReport read_constraint(const JsonCursor& cursor) {
   return out;
 }
 
-json link_json(const PatchLink& link) {
-  json out = {{"a", link.a},
-              {"b", link.b},
-              {"valid", link.valid},
-              {"reason", link.reason},
-              {"weight", number_json(link.weight)},
-              {"distance", number_json(link.distance)},
-              {"height_step", number_json(link.height_step)},
-              {"angle_deg", number_json(to_degrees(link.angle))}};
-  if (std::isfinite(link.residual_sigma)) out["residual_sigma"] = number_json(link.residual_sigma);
-  return out;
-}
-
-/// A surface without its patches and links.
-json header_json(const RoadSurface& surface) {
-  json out = {{"frame", surface.frame},
-              {"up", vector_json(surface.up)},
-              {"level", to_string(surface.level)},
-              {"metric", surface.metric},
-              {"scale_sigma", number_json(surface.scale_sigma)},
-              {"ego_patch", surface.ego_patch},
-              {"driven_line", points_json(surface.driven_line)}};
-  if (surface.level_sigma > 0.0) {
-    out["level_sigma_deg"] = number_json(to_degrees(surface.level_sigma));
-  }
-  return out;
-}
-
 std::vector<std::pair<std::string, long>> read_counts(const JsonCursor& cursor) {
   JsonObject object(cursor, "an object of counts");
   std::vector<std::pair<std::string, long>> out;
@@ -388,10 +360,31 @@ json to_json(const PlanePatch& patch) {
 json to_json(const RoadSurface& surface) {
   json patches = json::array(), links = json::array();
   for (const PlanePatch& patch : surface.patches) patches.push_back(to_json(patch));
-  for (const PatchLink& link : surface.links) links.push_back(link_json(link));
-  json out = header_json(surface);
-  out["patches"] = std::move(patches);
-  out["links"] = std::move(links);
+  for (const PatchLink& link : surface.links) {
+    links.push_back({{"a", link.a},
+                     {"b", link.b},
+                     {"valid", link.valid},
+                     {"reason", link.reason},
+                     {"weight", number_json(link.weight)},
+                     {"distance", number_json(link.distance)},
+                     {"height_step", number_json(link.height_step)},
+                     {"angle_deg", number_json(to_degrees(link.angle))}});
+    if (std::isfinite(link.residual_sigma)) {
+      links.back()["residual_sigma"] = number_json(link.residual_sigma);
+    }
+  }
+  json out = {{"frame", surface.frame},
+              {"up", vector_json(surface.up)},
+              {"level", to_string(surface.level)},
+              {"metric", surface.metric},
+              {"scale_sigma", number_json(surface.scale_sigma)},
+              {"ego_patch", surface.ego_patch},
+              {"patches", std::move(patches)},
+              {"links", std::move(links)},
+              {"driven_line", points_json(surface.driven_line)}};
+  if (surface.level_sigma > 0.0) {
+    out["level_sigma_deg"] = number_json(to_degrees(surface.level_sigma));
+  }
   return out;
 }
 
@@ -617,17 +610,6 @@ std::filesystem::path road_folder(const std::filesystem::path& folder) {
 
 void write_json(const json& value, const fs::path& path) {
   write_file_atomically(path, format_json(value));
-}
-
-void write_surface(const RoadSurface& surface, const fs::path& path) {
-  write_file_atomically(path, [&](std::ostream& out) {
-    write_json_object(
-        out, header_json(surface),
-        {{"patches",
-          {surface.patches.size(), [&](std::size_t k) { return to_json(surface.patches[k]); }}},
-         {"links",
-          {surface.links.size(), [&](std::size_t k) { return link_json(surface.links[k]); }}}});
-  });
 }
 
 }  // namespace camber

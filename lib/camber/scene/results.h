@@ -86,7 +86,5 @@ std::filesystem::path road_folder(const std::filesystem::path& folder);
 
 /// Writes JSON as format_json() gives it, atomically.
 void write_json(const nlohmann::json& json, const std::filesystem::path& path);
-/// The same of a surface, with one patch or link as JSON in memory at a time.
-void write_surface(const RoadSurface& surface, const std::filesystem::path& path);
 
 }  // namespace camber

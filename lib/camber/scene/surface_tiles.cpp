@@ -14,6 +14,7 @@
 #include "camber/core/read_file.h"
 #include "camber/scene/json_reader.h"
 #include "camber/scene/results.h"
+#include "camber/scene/surface_file.h"
 
 namespace fs = std::filesystem;
 
@@ -83,14 +84,6 @@ class TileLookup {
   std::map<Cell, std::vector<std::size_t>> cells_;
 };
 
-/// All but patches and links.
-RoadSurface header_of(const RoadSurface& surface) {
-  RoadSurface out = surface;
-  out.patches.clear();
-  out.links.clear();
-  return out;
-}
-
 }  // namespace
 
 void write_surface_tiles(const RoadSurface& surface, const std::vector<SurfaceTileSquare>& tiles,
@@ -114,7 +107,7 @@ void write_surface_tiles(const RoadSurface& surface, const std::vector<SurfaceTi
   if (!error) fs::create_directories(index.parent_path(), error);
   if (error) throw OutputError(index.parent_path().string(), error.message());
   json entries = json::array();
-  RoadSurface part = header_of(surface);
+  RoadSurface part = without_contents(surface);
   part.driven_line.clear();
   for (std::size_t k = 0; k < tiles.size(); ++k) {
     if (patches[k].empty()) continue;
@@ -140,7 +133,7 @@ void write_surface_tiles(const RoadSurface& surface, const std::vector<SurfaceTi
          {"bounds", {bounds.min().x(), bounds.min().y(), bounds.max().x(), bounds.max().y()}},
          {"heights", heights}});
   }
-  json document = to_json(header_of(surface));
+  json document = to_json(without_contents(surface));
   document["format"] = "camber-surface-tiles";
   document["tiles"] = std::move(entries);
   write_json(document, index);

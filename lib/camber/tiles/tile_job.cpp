@@ -18,6 +18,7 @@
 #include "camber/export/site_points.h"
 #include "camber/road/cloud_profile.h"
 #include "camber/scene/json_reader.h"
+#include "camber/scene/surface_file.h"
 #include "camber/scene/surface_tiles.h"
 #include "camber/tiles/detail/kept_parts.h"
 #include "camber/tiles/ground_tile.h"
