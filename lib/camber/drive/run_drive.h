@@ -29,8 +29,8 @@ struct DriveOptions {
 
 struct DriveResult {
   Trajectory trajectory;
-  DriveDocument document;                        ///< drive.json: lengths, mounting, every frame
-  Eigen::Vector3d up{0, -1, 0};                  ///< unit, world (the first frame's camera)
+  DriveDocument document;         ///< drive.json: lengths, mounting, every frame
+  Eigen::Vector3d up{0, -1, 0};   ///< unit, world (the first frame's camera)
   bool level_by_gravity = false;  ///< `up` is gravity's; false: the mean of the road's normals
   RoadStrip strip;
   DriveTracks tracks;

@@ -12,8 +12,8 @@
 
 #include "camber/core/errors.h"
 #include "camber/core/threads.h"
-#include "camber/export/detail/series.h"
 #include "camber/export/crg_strip.h"
+#include "camber/export/detail/series.h"
 
 namespace camber {
 

@@ -39,7 +39,8 @@ struct SceneReconstruction {
 };
 
 /// What `camber reconstruct` computes of a scene. `run.extra["networks"]` lists the networks,
-/// `run.extra["camera_by_drive"]` what the drive showed of a guessed camera (to_json(CameraByDrive)).
+/// `run.extra["camera_by_drive"]` what the drive showed of a guessed camera
+/// (to_json(CameraByDrive)).
 /// @throws as reconstruct(), choose_frames(), detect_frames() and find_keypoints().
 SceneReconstruction reconstruct_scene(const Scene& scene, const ReconstructSceneOptions& options,
                                       const Progress& progress = {});

@@ -190,9 +190,9 @@ std::vector<Vector2d> border_places(const PlanView& view, const PlanePatch& a, c
           middle + (high - 0.2 * (high - low)) * along};
 }
 
-/// Entries of the inverse of L D L' at the places of L and its diagonal, from the last column to the
-/// first: each column needs no others than those of later ones (Takahashi, Fagan and Chen, "Formation
-/// of a sparse bus impedance matrix", PICA 1973; Erisman and Tinney, CACM 18, 1975).
+/// Entries of the inverse of L D L' at the places of L and its diagonal, from the last column to
+/// the first: each column needs no others than those of later ones (Takahashi, Fagan and Chen,
+/// "Formation of a sparse bus impedance matrix", PICA 1973; Erisman and Tinney, CACM 18, 1975).
 class SelectedInverse {
  public:
   /// @param lower  L without its diagonal of ones, rows ascending, with all places of its fill
