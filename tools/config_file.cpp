@@ -1,8 +1,8 @@
 #include "config_file.h"
 
 // In Debian's toml++ 3.3 a key with a character such as U+00F6 runs into __builtin_unreachable() in
-// this table, where the answer is "no space"; and where assertions are on, it aborts at keys that it
-// refuses otherwise.
+// this table, where the answer is "no space"; and where assertions are on, it aborts at keys that
+// it refuses otherwise.
 // clang-format off
 #define TOML_ASSERT(condition) static_assert(true)
 #include <toml++/impl/preprocessor.h>

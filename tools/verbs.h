@@ -13,7 +13,8 @@ struct Verb {
 inline constexpr Verb kVerbs[] = {
     {"reconstruct", "frames", "a few frames of one moving camera to a metric road with vehicles"},
     {"drive", "frames", "a whole drive: trajectory, the road along it, vehicles as tracks"},
-    {"calibrate", "frames", "the camera of a drive by its own pictures, each number with its sigma"},
+    {"calibrate", "frames",
+     "the camera of a drive by its own pictures, each number with its sigma"},
     {"triangulate", "frames", "the road cloud alone"},
     {"vehicles", "frames", "vehicles alone, from a scene's detections, keypoints and planes"},
     {"detect", "frames", "boxes and road masks of a scene's frames by networks (ONNX)"},

@@ -256,7 +256,8 @@ TEST_F(Detect, ACacheThatCannotBeWrittenIsNoMatter) {
 
 TEST_F(Detect, OneSentenceForWhatIsWrong) {
   expect_refused({}, "expected --detector, --segmenter or --keypoints");
-  expect_refused({"--keypoints-config", path("red.json")}, "expected --keypoints beside it, with a file");
+  expect_refused({"--keypoints-config", path("red.json")},
+                 "expected --keypoints beside it, with a file");
   expect_refused({"--keypoints", path("none.onnx")}, "none.json: no such file");
   expect_refused({"--keypoints", path("red.onnx")}, "task: found \"detector\"");
   expect_refused({"--detector", path("none.onnx")}, "none.onnx: no such file");

@@ -583,8 +583,8 @@ TEST(FitVehicle, MeasuresTheGroundBelowIt) {
   EXPECT_GT(inside, 0.90);
 }
 
-// The vehicle stands on the plane that is stated: where it truly stands the plane is known no better
-// than the vehicle's place across it, however little was known of the ground before.
+// The vehicle stands on the plane that is stated: where it truly stands the plane is known no
+// better than the vehicle's place across it, however little was known of the ground before.
 TEST(FitVehicle, KnowsTheGroundNoBetterThanItsPlaceAcrossIt) {
   SimulationOptions options;
   options.min_distance = 20.0;
