@@ -152,7 +152,10 @@ TEST(SurfaceJson, IsWrittenPieceByPieceAsWhole) {
   RoadSurface without = make_surface();
   without.patches.clear();
   without.links.clear();
-  for (const RoadSurface& surface : {make_surface(), without}) {
+  RoadSurface many = make_surface();
+  many.patches.resize(2500, many.patches.front());
+  many.links.resize(1001, many.links.front());
+  for (const RoadSurface& surface : {make_surface(), without, many}) {
     write_surface(surface, folder.path() / "surface.json");
     EXPECT_EQ(test::read_text(folder.path() / "surface.json"), format_json(to_json(surface)));
   }
