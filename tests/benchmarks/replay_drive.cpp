@@ -138,11 +138,13 @@ void print_windows(const Drive& drive) {
       std::printf(", way (%.3f %.3f %.3f)", way.x(), way.y(), way.z());
     }
     std::printf(" %s\n", w.reason.c_str());
-    for (const camber::VehicleEstimate& v : w.vehicles.vehicles) {
-      const Eigen::Vector3d at = v.pose.bottom_center();
-      std::printf("    vehicle %d %d at %.3f %.3f %.3f, %.2f long, %s\n", w.reference, v.id, at.x(),
-                  at.y(), at.z(), v.pose.dimensions.length,
-                  std::string(camber::to_string(v.status)).c_str());
+    for (const camber::VehicleFrame& frame : w.vehicles) {
+      for (const camber::VehicleEstimate& v : frame.vehicles) {
+        const Eigen::Vector3d at = v.pose.bottom_center();
+        std::printf("    vehicle %d %d at %.3f %.3f %.3f, %.2f long, %s\n", frame.id, v.id, at.x(),
+                    at.y(), at.z(), v.pose.dimensions.length,
+                    std::string(camber::to_string(v.status)).c_str());
+      }
     }
   }
 }

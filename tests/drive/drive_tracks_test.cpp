@@ -29,7 +29,7 @@ Pass make_pass(int frames, const Eigen::Vector3d& place, double speed, double fa
     out.trajectory.poses.push_back(pose);
     out.times[k] = 0.1 * k;
     WindowMeasurement w;
-    w.reference = w.vehicles.id = k;
+    w.reference = k;
     VehicleEstimate v;
     v.id = 1;
     v.vehicle_class = "car";
@@ -38,7 +38,9 @@ Pass make_pass(int frames, const Eigen::Vector3d& place, double speed, double fa
     v.pose.camera_from_vehicle = SE3(rotation_from_vector({0, -M_PI / 2, 0}), factor * here);
     v.pose.dimensions = {4.2, 1.8, 1.5};
     v.covariance = Eigen::Matrix<double, 9, 9>::Identity() * std::pow(0.03 * here.norm(), 2);
-    w.vehicles.vehicles = {v};
+    w.vehicles.resize(1);
+    w.vehicles[0].id = k;
+    w.vehicles[0].vehicles = {v};
     for (const int other : {k - 1, k, k + 1}) {
       if (other < 0 || other >= frames) continue;
       w.frames.push_back(other);
@@ -67,7 +69,7 @@ TEST(DriveTracks, AParkedVehicleIsMeasuredByTheWayBetweenItsViews) {
 /// The level ground 1.5 m below the camera.
 void put_ground(Pass* pass) {
   for (WindowMeasurement& w : pass->windows) {
-    for (VehicleEstimate& v : w.vehicles.vehicles) {
+    for (VehicleEstimate& v : w.vehicles[0].vehicles) {
       v.plane = {Eigen::Vector3d(0, -1, 0), 1.5};
       v.plane_sigma_height = 0.05;
       v.status = Status::kOk;
@@ -94,7 +96,7 @@ TEST(DriveTracks, WhatStandsHighAboveTheRoadIsRejected) {
   pass = make_pass(22, {3.0, -0.5, 30.0}, 0.0, 1.0);  // 2 m: a window of a house
   put_ground(&pass);
   EXPECT_EQ(only_track(pass).rejected, "it is 2.0 m above the road");
-  for (WindowMeasurement& w : pass.windows) w.vehicles.vehicles[0].plane_sigma_height = 0.8;
+  for (WindowMeasurement& w : pass.windows) w.vehicles[0].vehicles[0].plane_sigma_height = 0.8;
   EXPECT_EQ(only_track(pass).rejected, "");  // the ground is hardly known
 }
 
@@ -102,7 +104,7 @@ TEST(DriveTracks, WhatHasNoSizeOfAVehicleIsRejected) {
   Pass pass = make_pass(8, {3.0, 1.5, 30.0}, 0.0, 1.0);
   put_ground(&pass);
   for (WindowMeasurement& w : pass.windows) {
-    w.vehicles.vehicles[0].pose.dimensions = {1.0, 0.5, 0.4};
+    w.vehicles[0].vehicles[0].pose.dimensions = {1.0, 0.5, 0.4};
   }
   EXPECT_EQ(only_track(pass).rejected, "1.0 x 0.5 x 0.4 m are no size of a car");
   pass.trajectory.metric = false;  // 0.4 of what?
@@ -137,7 +139,7 @@ TEST(DriveTracks, AnOncomingVehicleHasTheSizeOfItsNearViews) {
   // From 60 m to 8: the ground is 8 % too near beyond 25 m, and the size with it.
   Pass pass = make_pass(27, {-2.0, 1.5, 60.0}, -10.0, 1.0);
   for (WindowMeasurement& w : pass.windows) {
-    VehicleEstimate& v = w.vehicles.vehicles[0];
+    VehicleEstimate& v = w.vehicles[0].vehicles[0];
     const double factor = v.pose.bottom_center().norm() > 25.0 ? 0.92 : 1.0;
     v.pose.camera_from_vehicle.set_translation(factor * v.pose.bottom_center());
     v.pose.dimensions = {factor * 4.2, factor * 1.8, factor * 1.5};
@@ -162,7 +164,7 @@ TEST(DriveTracks, AParkedVehicleIsPlacedByViewsThatThePictureDoesNotCut) {
   const Eigen::Vector3d place(3.0, 1.5, 20.0);
   Pass pass = make_pass(16, place, 0.0, 1.0);
   for (std::size_t k = 9; k < pass.windows.size(); ++k) {  // what is left of it has its own centre
-    VehicleEstimate& v = pass.windows[k].vehicles.vehicles[0];
+    VehicleEstimate& v = pass.windows[k].vehicles[0].vehicles[0];
     v.pose.camera_from_vehicle.set_translation(v.pose.bottom_center() +
                                                Eigen::Vector3d(-0.8, 0.0, 0.0));
     v.box = {850, 100, kWidth - 1.0, 300};
@@ -183,11 +185,46 @@ TEST(DriveTracks, OneThatKeepsItsDistanceAheadMoves) {
   EXPECT_NEAR(found.vehicles.frames[40].vehicles[0].pose.bottom_center().z(), 28.0, 0.5);
 }
 
+TEST(DriveTracks, EveryFrameOfAWindowHasItsVehicles) {
+  // Windows about every third frame hold the vehicles of the frames beside as well. One of them
+  // took something else for the road: its own views are twice as far away.
+  Pass pass = make_pass(22, {3.0, 1.5, 30.0}, 0.0, 1.0);
+  std::vector<WindowMeasurement> kept;
+  for (std::size_t k = 1; k + 1 < pass.windows.size(); ++k) {
+    const bool wrong = k == 10;
+    if (k % 3 != 1) continue;
+    WindowMeasurement w = pass.windows[k];
+    w.frames.clear();
+    w.vehicles.clear();
+    w.tracked.clear();
+    for (std::size_t other = k - 1; other <= std::min(k + 2, pass.windows.size() - 1); ++other) {
+      VehicleFrame frame = pass.windows[other].vehicles[0];
+      VehicleEstimate& v = frame.vehicles[0];
+      if (wrong) v.pose.camera_from_vehicle.set_translation(2.0 * v.pose.bottom_center());
+      w.frames.push_back(frame.id);
+      w.tracked.push_back({frame.id, 1, 0});
+      w.vehicles.push_back(std::move(frame));
+    }
+    pass.trajectory.scales.push_back({w.reference, 0.0, wrong ? 0.01 : 1.0, 0.0});
+    kept.push_back(std::move(w));
+  }
+  const DriveTracks found = join_tracks(kept, pass.trajectory, pass.times, kWidth);
+  ASSERT_EQ(found.vehicles.frames.size(), 22U);
+  for (const VehicleFrame& frame : found.vehicles.frames) {
+    ASSERT_EQ(frame.vehicles.size(), 1U) << frame.id;
+    const double z = 30.0 - frame.id;
+    // Frame 9 is in the window about frame 7 as well, 10 and 11 are in the wrong one alone.
+    if (frame.id != 10 && frame.id != 11) {
+      EXPECT_NEAR(frame.vehicles[0].pose.bottom_center().z(), z, 0.1 + 0.02 * z) << frame.id;
+    }
+  }
+}
+
 TEST(DriveTracks, TwoDetectionsOfAFrameAreNeverOneTrack) {
   Pass pass = make_pass(4, {0, 1.5, 20}, 0.0, 1.0);
   for (WindowMeasurement& w : pass.windows) {
-    w.vehicles.vehicles.push_back(w.vehicles.vehicles[0]);
-    w.vehicles.vehicles[1].id = 2;
+    w.vehicles[0].vehicles.push_back(w.vehicles[0].vehicles[0]);
+    w.vehicles[0].vehicles[1].id = 2;
     w.tracked.push_back({w.reference, 2, 1});
   }
   pass.windows[2].tracked.push_back({2, 2, 0});  // one window mistakes it

@@ -27,11 +27,13 @@ class Drive {
     WindowMeasurement w;
     w.frames = frames;
     w.reference = frames[frames.size() / 2];
+    w.vehicles.resize(1);
+    w.vehicles[0].id = w.reference;
     for (const auto& [detection, of] : placed_) {
       if (detection.first != w.reference) continue;
       VehicleEstimate v;
       v.id = detection.second;
-      w.vehicles.vehicles.push_back(v);
+      w.vehicles[0].vehicles.push_back(v);
     }
     for (std::size_t t = 0; t < tracks.size(); ++t) {
       for (const Detection& d : tracks[t]) {

@@ -185,6 +185,32 @@ TEST(Trajectory, AFrameThatIsNotFoundSpoilsNoWindow) {
   }
 }
 
+TEST(Trajectory, StartsAtStepsThatMostWindowsAgreeOn) {
+  // Windows about every third frame; one turns back half-way, and those about the frames beside it,
+  // which were measured for that, have each lost the frame beyond it.
+  MadeWindows made = make_windows(40, 17);
+  std::vector<WindowMeasurement> kept;
+  for (std::size_t r = 0; r < made.windows.size(); ++r) {
+    WindowMeasurement& w = made.windows[r];
+    const std::size_t reference = w.index_of_reference();
+    for (std::size_t i = 0; i < w.frames.size(); ++i) {
+      SE3& pose = w.frame_from_reference[i];
+      if (r == 18 && i > reference) pose.set_translation(-pose.translation());
+      const bool lost = (r == 17 && i == reference + 2) || (r == 19 && i + 2 == reference);
+      if (lost) pose.set_translation(-1.2 * pose.translation() + Eigen::Vector3d(0.3, 0.1, 0.0));
+    }
+    if (r % 3 == 0 || r == 17 || r == 19) kept.push_back(w);
+  }
+  const Trajectory found = smooth_trajectory(made.ids, kept, independent());
+  for (std::size_t k = 12; k < 24; ++k) {
+    const SE3 step =
+        found.poses[k].world_from_camera.inverse() * found.poses[k + 1].world_from_camera;
+    const SE3 truth = made.truth[k].inverse() * made.truth[k + 1];
+    EXPECT_LT((step.translation() - truth.translation()).norm(), 0.08) << k;
+  }
+  EXPECT_NEAR(found.whole.length, true_length(made), 3.0 * found.whole.own_sigma);
+}
+
 TEST(Trajectory, WindowsWhoseMotionIsNoNumberAreLeftOut) {
   MadeWindows made = make_windows(40, 13, 0.0);
   made.windows[10].frame_from_reference[1].set_translation(

@@ -17,7 +17,6 @@ namespace {
 WindowMeasurement made_window(int reference) {
   WindowMeasurement w;
   w.reference = reference;
-  w.vehicles.id = reference;
   w.frames = {reference - 1, reference, reference + 1};
   w.frame_from_reference = {SE3(rotation_from_vector({0.1, 0.2, 0.3}), {0.1, 0.2, -1.0 / 3.0}),
                             SE3(), SE3(Eigen::Quaterniond::Identity(), {0, 0, 1})};
@@ -33,7 +32,11 @@ WindowMeasurement made_window(int reference) {
   v.vehicle_class = "van";
   v.status = Status::kWeak;
   v.pose.camera_from_vehicle = SE3(rotation_from_vector({0, 0.5, 0}), {1, 2, 30});
-  w.vehicles.vehicles = {v};
+  w.vehicles.resize(2);
+  w.vehicles[0].id = reference;
+  w.vehicles[0].vehicles = {v};
+  w.vehicles[1].id = reference + 1;
+  w.vehicles[1].vehicles = {v, v};
   w.tracked = {{reference, 3, 5}};
   return w;
 }
@@ -54,8 +57,11 @@ TEST(WindowLog, KeepsWindowsExactly) {
   EXPECT_EQ(back.frame_from_reference[0].translation(), w.frame_from_reference[0].translation());
   EXPECT_EQ(back.road[0].point, w.road[0].point);
   EXPECT_EQ(back.road[0].color, w.road[0].color);
-  EXPECT_EQ(back.vehicles.vehicles[0].vehicle_class, "van");
-  EXPECT_TRUE(std::isnan(back.vehicles.vehicles[0].keypoints[0].x()));
+  ASSERT_EQ(back.vehicles.size(), 2U);
+  EXPECT_EQ(back.vehicles[0].vehicles[0].vehicle_class, "van");
+  EXPECT_TRUE(std::isnan(back.vehicles[0].vehicles[0].keypoints[0].x()));
+  EXPECT_EQ(back.vehicles[1].id, 6);
+  EXPECT_EQ(back.vehicles[1].vehicles.size(), 2U);
   EXPECT_EQ(back.tracked[0].track, 5);
 }
 

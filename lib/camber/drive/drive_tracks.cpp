@@ -3,8 +3,11 @@
 #include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
 #include <limits>
 #include <optional>
+#include <set>
+#include <tuple>
 
 #include "camber/drive/detail/track_joining.h"
 #include "camber/drive/detail/track_rejection.h"
@@ -31,7 +34,8 @@ constexpr double kBoxSigma = 0.003;       // rad
 constexpr double kOwnRange = 0.04;        // relative, of one view beside what its covariance has
 constexpr double kSizeSigma = 0.04;       // relative, of what the size does to all distances
 constexpr double kViewsAlike = 5.0;       // neighbouring windows share their errors
-constexpr double kSpeedSigma = 15.0;      // m/s, of vehicles that move
+constexpr double kSpeedSigma = 15.0;      // m/s, of vehicles that move, along their heading
+constexpr double kAcrossSigma = 2.0;      // m/s, across it: it turns, and is known to some degrees
 
 /// Where a vehicle is by all its views: directions, which the pictures show, and distances, which
 /// hang on its size and share a factor. Views from several places measure the factor by the way
@@ -42,11 +46,19 @@ struct Path {
   double log_factor = 0.0;
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();  // of the position
   double cost = 0.0;  // robust sum of squares, standard deviations, for views that are not alike
+  double log_evidence = 0.0;
 };
 
 class PathFit {
  public:
-  PathFit(const std::vector<Seen>& seen, bool moves) : size_(moves ? 7 : 4) {
+  /// @param ahead  heading of one that moves, unit, world; null: it stands.
+  explicit PathFit(const std::vector<Seen>& seen, const Eigen::Vector3d* ahead = nullptr)
+      : size_(ahead ? 7 : 4) {
+    if (ahead) {
+      const Eigen::Matrix3d along = *ahead * ahead->transpose();
+      speed_information_ = along / (kSpeedSigma * kSpeedSigma) +
+                           (Eigen::Matrix3d::Identity() - along) / (kAcrossSigma * kAcrossSigma);
+    }
     take(seen, [](const Seen& v) { return is_observed(v) && !v.cut; });
     if (seen_.size() < 2) take(seen, is_observed);
     if (seen_.size() < 2) take(seen, [](const Seen&) { return true; });
@@ -63,9 +75,9 @@ class PathFit {
     for (int iteration = 0; iteration < kIterations; ++iteration) {
       Eigen::VectorXd right;
       linearise(at, &normal, &right);
-      const Eigen::LDLT<Eigen::MatrixXd> factor(normal);
-      if (factor.info() != Eigen::Success) return std::nullopt;
-      const Eigen::VectorXd change = factor.solve(right);
+      factor_.compute(normal);
+      if (factor_.info() != Eigen::Success) return std::nullopt;
+      const Eigen::VectorXd change = factor_.solve(right);
       if (!change.allFinite()) return std::nullopt;
       at += change;
     }
@@ -77,6 +89,8 @@ class PathFit {
     out.covariance = inverse.topLeftCorner<3, 3>();
     if (size_ == 7) out.velocity = at.tail<3>();
     out.cost = cost_;
+    out.log_evidence = -0.5 * (cost_ + factor_.vectorD().array().log().sum());
+    if (size_ == 7) out.log_evidence += 0.5 * std::log(speed_information_.determinant());
     return out;
   }
 
@@ -134,9 +148,11 @@ class PathFit {
     cost_ = at[3] * at[3] / (kSizeSigma * kSizeSigma);
     (*normal)(3, 3) = 1.0 / (kSizeSigma * kSizeSigma);
     (*right)[3] = -at[3] / (kSizeSigma * kSizeSigma);
-    for (Eigen::Index i = 4; i < size_; ++i) {
-      (*normal)(i, i) = 1.0 / (kSpeedSigma * kSpeedSigma);
-      (*right)[i] = -at[i] / (kSpeedSigma * kSpeedSigma);
+    if (size_ == 7) {
+      const Eigen::Vector3d velocity = at.tail<3>();
+      normal->bottomRightCorner<3, 3>() = speed_information_;
+      right->tail<3>() = -speed_information_ * velocity;
+      cost_ += velocity.dot(speed_information_ * velocity);
     }
     for (const Seen* view : seen_) {
       const Eigen::Vector3d r = residual(*view, at);
@@ -157,19 +173,19 @@ class PathFit {
 
   Eigen::Index size_;  // position, logarithm of the factor, velocity
   std::vector<const Seen*> seen_;
+  Eigen::Matrix3d speed_information_ = Eigen::Matrix3d::Zero();
   double mean_time_ = 0.0, alike_ = 1.0, cost_ = 0.0;
+  Eigen::LDLT<Eigen::MatrixXd> factor_;
 };
 
-/// The place of a vehicle that stands; nothing where its views are plainly those of one that moves.
-std::optional<Path> parked_place(const std::vector<Seen>& seen) {
-  constexpr double kPlainly = 9.0;     // less cost of one that moves
-  constexpr double kLeastSpeed = 1.0;  // m/s: walking pace
-  const std::optional<Path> stands = PathFit(seen, false).solve();
-  const std::optional<Path> moves = PathFit(seen, true).solve();
+/// The place of a vehicle that stands; nothing where its views are rather those of one that moves
+/// (evidence by Laplace's approximation: MacKay, "Information Theory, Inference, and Learning
+/// Algorithms", 2003, chapter 28), either as likely before.
+std::optional<Path> parked_place(const std::vector<Seen>& seen, const Eigen::Vector3d& ahead) {
+  const std::optional<Path> stands = PathFit(seen).solve();
+  const std::optional<Path> moves = PathFit(seen, &ahead).solve();
   if (!stands || !moves) return stands;
-  const bool plainly =
-      stands->cost - moves->cost > kPlainly && moves->velocity.norm() > kLeastSpeed;
-  return plainly ? std::nullopt : stands;
+  return moves->log_evidence > stands->log_evidence ? std::nullopt : stands;
 }
 
 bool is_cut(const Box2& box, int image_width) {
@@ -346,6 +362,37 @@ Eigen::Quaterniond mean_rotation(const std::vector<Seen>& seen) {
   return Eigen::Quaterniond(out);
 }
 
+/// The vehicles of each frame by the window whose reference is nearest; by one that the drive
+/// contradicts only where no other has the frame.
+std::map<int, const VehicleFrame*> vehicle_frames(const std::vector<WindowMeasurement>& windows,
+                                                  const Trajectory& trajectory) {
+  std::set<int> agreeing;
+  for (const Trajectory::WindowScale& scale : trajectory.scales) {
+    if (scale.weight >= kLeastWindowWeight) agreeing.insert(scale.reference);
+  }
+  struct Known {
+    bool contradicted = false;
+    std::ptrdiff_t steps = 0;  // from the window's reference
+    const VehicleFrame* frame = nullptr;
+  };
+  std::map<int, Known> known;
+  for (const WindowMeasurement& w : windows) {
+    for (const VehicleFrame& frame : w.vehicles) {
+      const auto at = std::find(w.frames.begin(), w.frames.end(), frame.id) - w.frames.begin();
+      const Known now{agreeing.count(w.reference) == 0,
+                      std::abs(at - static_cast<std::ptrdiff_t>(w.index_of_reference())), &frame};
+      const auto [before, is_new] = known.emplace(frame.id, now);
+      if (!is_new && std::tie(now.contradicted, now.steps) <
+                         std::tie(before->second.contradicted, before->second.steps)) {
+        before->second = now;
+      }
+    }
+  }
+  std::map<int, const VehicleFrame*> out;
+  for (const auto& [id, frame] : known) out[id] = frame.frame;
+  return out;
+}
+
 }  // namespace
 
 std::size_t DriveTracks::num_rejected() const {
@@ -358,17 +405,17 @@ DriveTracks join_tracks(const std::vector<WindowMeasurement>& windows, const Tra
                         const VehiclePrior* prior) {
   DriveTracks out;
   std::map<Detection, Seen> views;
-  for (const WindowMeasurement& window : windows) {
-    const TrajectoryPose* pose = trajectory.find(window.reference);
+  for (const auto& [id, frame] : vehicle_frames(windows, trajectory)) {
+    const TrajectoryPose* pose = trajectory.find(id);
     if (!pose) continue;
-    const auto time = time_of.find(window.reference);
-    for (const VehicleEstimate& v : window.vehicles.vehicles) {
-      views[{window.reference, v.id}] = {&v,
-                                         window.reference,
-                                         time == time_of.end() ? 0.0 : time->second,
-                                         pose->world_from_camera,
-                                         information_of(v),
-                                         is_cut(v.box, image_width)};
+    const auto time = time_of.find(id);
+    for (const VehicleEstimate& v : frame->vehicles) {
+      views[{id, v.id}] = {&v,
+                           id,
+                           time == time_of.end() ? 0.0 : time->second,
+                           pose->world_from_camera,
+                           information_of(v),
+                           is_cut(v.box, image_width)};
     }
   }
   std::map<Detection, internal::PlacedDetection> placed;
@@ -389,9 +436,10 @@ DriveTracks join_tracks(const std::vector<WindowMeasurement>& windows, const Tra
     track.id = static_cast<int>(out.tracks.size()) + 1;
     track.vehicle_class = seen.front().vehicle->vehicle_class;
     track.dimensions = mean_dimensions(seen);
-    const std::optional<Path> parked = seen.size() >= 3 ? parked_place(seen) : std::nullopt;
-    track.parked = parked.has_value();
     const Eigen::Quaterniond heading = mean_rotation(seen);
+    const std::optional<Path> parked =
+        seen.size() >= 3 ? parked_place(seen, heading * Eigen::Vector3d::UnitX()) : std::nullopt;
+    track.parked = parked.has_value();
     if (parked) track.covariance = parked->covariance;
     if (seen.size() >= 3) {
       track.rejected =

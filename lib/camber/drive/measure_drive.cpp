@@ -11,6 +11,7 @@
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <set>
 #include <thread>
 #include <utility>
 #include <vector>
@@ -186,6 +187,8 @@ class Measurer {
     }
     measure_after_the_last_key();
     measure_pending();
+    measure_beside_those_without_metres();
+    measure_pending();
   }
 
   FrameRecord look_at(int id) {
@@ -252,12 +255,32 @@ class Measurer {
     return out;
   }
 
-  /// The window about a key frame.
+  std::size_t every() const {
+    return static_cast<std::size_t>(std::min(options_.every, 2 * options_.each_side - 1));
+  }
+
   void measure(std::size_t key) {
+    if (key % every() == 0) measure_about(key);
+  }
+
+  /// Where a window tells no metres those about the key frames beside it may.
+  void measure_beside_those_without_metres() {
+    std::set<int> without;
+    log_.for_each_window([&](const WindowMeasurement& w) {
+      const bool known = w.log_scale && w.scale_sigma <= options_.noise.weakest_scale;
+      if (!known) without.insert(w.reference);
+    });
+    for (std::size_t key = 0; key < keys_.size(); key += every()) {
+      if (without.count(keys_[key]) == 0) continue;
+      if (key > 0) measure_about(key - 1);
+      if (key + 1 < keys_.size()) measure_about(key + 1);
+    }
+  }
+
+  /// The window about a key frame.
+  void measure_about(std::size_t key) {
     const int reference = keys_[key];
     if (log_.has_window(reference)) return;
-    const int every = std::min(options_.every, 2 * options_.each_side - 1);
-    if (key % static_cast<std::size_t>(every) != 0 && !has_vehicles(reference)) return;
     const auto side = static_cast<std::size_t>(options_.each_side);
     const std::size_t first = key > side ? key - side : 0;
     const std::size_t last = std::min(keys_.size() - 1, key + side);
@@ -280,7 +303,9 @@ class Measurer {
     const auto by = [&](const ReconstructOptions& options) {
       return measure_window(scene_, w.frames, w.reference, options, options_.samples, timings);
     };
-    const bool vehicles = has_vehicles(w.frames[w.reference]->frame.id);
+    const bool vehicles = std::any_of(w.frames.begin(), w.frames.end(), [](const FramePtr& frame) {
+      return !frame->frame.vehicles.empty();
+    });
     WindowMeasurement quick = by(vehicles ? vehicle_options_ : road_options_);
     const bool sure = quick.log_scale && quick.scale_sigma <= kSureScale;
     return sure ? quick : by(window_options_);

@@ -17,7 +17,6 @@ namespace {
 WindowMeasurement of_frames(const LoadedFrames& frames) {
   WindowMeasurement out;
   out.reference = frames.frames[frames.reference].id;
-  out.vehicles.id = out.reference;
   for (const SceneFrame& frame : frames.frames) out.frames.push_back(frame.id);
   return out;
 }
@@ -96,12 +95,11 @@ void put_metres(const WindowEstimate& window, WindowMeasurement* out) {
 }
 
 void put_vehicles(const WindowEstimate& window, WindowMeasurement* out) {
-  const std::vector<VehicleFrame>& frames = window.assembled.vehicles.frames;
-  for (const VehicleFrame& frame : frames) {
+  for (const VehicleFrame& frame : window.assembled.vehicles.frames) {
     for (const VehicleEstimate& v : frame.vehicles) {
       if (v.track >= 0) out->tracked.push_back({frame.id, v.id, v.track});
     }
-    if (frame.id == out->reference) out->vehicles = frame;
+    if (!frame.vehicles.empty()) out->vehicles.push_back(frame);
   }
 }
 
@@ -113,7 +111,7 @@ WindowMeasurement measure_motion(
   const Progress silent;
   const StageRunner run(*timings, silent);
   WindowMeasurement out;
-  out.reference = out.vehicles.id = frames[reference]->frame.id;
+  out.reference = frames[reference]->frame.id;
   for (const auto& frame : frames) out.frames.push_back(frame->frame.id);
   try {
     const LoadedFrames window = stages::frame_window(scene, frames, reference);

@@ -38,10 +38,9 @@ SE3 strip_from_world(const Eigen::Vector3d& up, const std::vector<Eigen::Vector3
 /// the drive contradicts took something else for the road: they have none.
 std::map<int, double> scale_factors(const Trajectory& trajectory,
                                     const std::vector<WindowMeasurement>& windows) {
-  constexpr double kLeastWeight = 0.2;
   std::map<int, double> smoothed, out;
   for (const auto& scale : trajectory.scales) {
-    if (scale.weight >= kLeastWeight) smoothed[scale.reference] = scale.log_scale;
+    if (scale.weight >= kLeastWindowWeight) smoothed[scale.reference] = scale.log_scale;
   }
   for (const WindowMeasurement& w : windows) {
     const auto found = smoothed.find(w.reference);

@@ -22,7 +22,7 @@ struct DriveOptions {
   RoadStripOptions strip;
   int each_side = 2;  ///< key frames to each side of a window's reference, 1 to 4
   /// Key frames from one window's reference to the next, >= 1; at most 2 each_side - 1 are, so that
-  /// neighbours share a step. A key frame with vehicles always has a window.
+  /// neighbours share a step.
   int every = 3;
   void validate() const;  ///< throws std::invalid_argument
 };

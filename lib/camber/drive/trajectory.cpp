@@ -48,12 +48,12 @@ class Smoother {
 
   Trajectory solve() {
     constexpr int kIterations = 12, kAgain = 4;
-    iterate(kIterations, true);
-    assemble(true);
+    iterate(kIterations);
+    assemble();
     factorise();
     scale_variance_ = variance_of_unit_weight();
-    iterate(kAgain, false);
-    assemble(true);
+    iterate(kAgain);
+    assemble();
     factorise();
     return handed_out();
   }
@@ -64,10 +64,10 @@ class Smoother {
     throw NoAnswerError("the windows of the drive have no trajectory in common");
   }
 
-  void iterate(int times, bool from_scratch) {
-    constexpr double kSettled = 1e-7;
+  void iterate(int times) {
+    constexpr double kSettled = 1e-7;  // rad, m
     for (int iteration = 0; iteration < times; ++iteration) {
-      assemble(!from_scratch || iteration > 1);
+      assemble();
       if (!factor_.factorise(normal_)) break;
       if (apply(solved()) < kSettled) break;
     }
@@ -103,32 +103,46 @@ class Smoother {
     for (std::size_t i = 0; i < measured_.size(); ++i) {
       scales_[measured_[i].place()] = scale[i] + by_map();
     }
-    std::vector<const Measurement*> joining(ids_.size(), nullptr);  // a frame and the one before
+    std::vector<std::vector<SE3>> steps(ids_.size());  // from the frame before, by each window
     for (const Measurement& m : measured_) {
       for (std::size_t k = 1; k < m.at.size(); ++k) {
         if (m.at[k] != m.at[k - 1] + 1) continue;
-        const Measurement*& best = joining[m.at[k]];
-        const auto away = [&](const Measurement& x) {
-          return x.place() > m.at[k] ? x.place() - m.at[k] : m.at[k] - x.place();
-        };
-        if (!best || away(m) < away(*best)) best = &m;
+        steps[m.at[k]].push_back(scaled(m, k) * scaled(m, k - 1).inverse());
       }
     }
-    SE3 step;  // from the frame before
+    SE3 step;
     for (std::size_t k = 1; k < ids_.size(); ++k) {
-      if (const Measurement* m = joining[k]) {
-        const auto index = [&](std::size_t place) {
-          return static_cast<std::size_t>(std::find(m->at.begin(), m->at.end(), place) -
-                                          m->at.begin());
-        };
-        step = scaled(*m, index(k)) * scaled(*m, index(k - 1)).inverse();
-        joined_[k] = true;
+      joined_[k] = !steps[k].empty();
+      if (joined_[k]) {
+        step = most_agreed(steps, k);
       } else {
         const double shift = step.translation().norm();
         bridges_.push_back({k - 1, k, step, 0.05, 0.3 * shift + 0.05});
       }
       poses_[k] = poses_[k - 1] * step.inverse();
     }
+  }
+
+  /// Of the steps that windows measured to a frame the one nearest to all others and to those of
+  /// the frames beside. Windows with a frame that was not found are metres off, and where they
+  /// decide the start no weight brings the others back.
+  static SE3 most_agreed(const std::vector<std::vector<SE3>>& steps, std::size_t k) {
+    constexpr double kArm = 10.0;  // m: a turn counts as it moves a point so far away
+    const SE3* best = nullptr;
+    double least = 0.0;
+    for (const SE3& a : steps[k]) {
+      double sum = 0.0;
+      for (std::size_t other = k - 1; other < std::min(k + 2, steps.size()); ++other) {
+        for (const SE3& b : steps[other]) {
+          sum += (a.translation() - b.translation()).norm() +
+                 kArm * rotation_to_vector(a.rotation() * b.rotation().inverse()).norm();
+        }
+      }
+      if (best && sum >= least) continue;
+      best = &a;
+      least = sum;
+    }
+    return *best;
   }
 
   SE3 scaled(const Measurement& m, std::size_t k) const {
@@ -156,7 +170,7 @@ class Smoother {
     by->block<3, 1>(3, 12) = -shift / unit;
   }
 
-  void assemble(bool robust) {
+  void assemble() {
     std::size_t span = 2;
     for (const Measurement& m : measured_) span = std::max(span, m.at.back() - m.at.front());
     const auto size = static_cast<Eigen::Index>(ids_.size()) * kBlock;
@@ -176,16 +190,16 @@ class Smoother {
       const Eigen::Index at = kBlock * static_cast<Eigen::Index>(measured_.front().place()) + kPose;
       normal_.at(at, at) += 1e12;
     }
-    for (const Measurement& m : measured_) add(m, robust);
+    for (const Measurement& m : measured_) add(m);
     for (const Bridge& bridge : bridges_) add(bridge);
     if (map_) {
       border_ = Eigen::MatrixXd::Zero(size, kMap);
       corner_ = 1e-9 * Eigen::Matrix<double, kMap, kMap>::Identity();
       border_right_.setZero();
-      add_positions(robust);
+      add_positions();
     }
     if (!metric_ || times_.size() != ids_.size()) return;
-    for (std::size_t k = 1; k + 1 < ids_.size(); ++k) add_speeds(k, robust);
+    for (std::size_t k = 1; k + 1 < ids_.size(); ++k) add_speeds(k);
   }
 
   double by_map() const { return map_ ? map_->log_scale : 0.0; }
@@ -239,7 +253,7 @@ class Smoother {
   }
 
   /// Antennas are where their positions say, with the map's frame as it fits best by now.
-  void add_positions(bool robust) {
+  void add_positions() {
     const MapPositions& p = map_->positions;
     if (p.at.size() < 2) return;
     if (!map_from_level_) {
@@ -257,7 +271,7 @@ class Smoother {
       if (!(information.z() > 0.0)) off.z() = 0.0;
       const double squared = off.cwiseProduct(information).dot(off);
       const double weight = std::min(1.0, student_weight(squared, 3.0, noise_.motion_freedom));
-      information *= (robust ? weight : 1.0) / alike;
+      information *= weight / alike;
       const Eigen::Matrix3d of_pose = turn * poses_[at.place].rotation_matrix();
       Eigen::Matrix<double, 3, 6> by;
       by.leftCols<3>() = -of_pose * skew(p.antenna);
@@ -301,7 +315,7 @@ class Smoother {
   }
 
   /// A speed that is a random walk: those of the steps before and after a frame differ little.
-  void add_speeds(std::size_t k, bool robust) {
+  void add_speeds(std::size_t k) {
     const double before = times_[k] - times_[k - 1], after = times_[k + 1] - times_[k];
     if (!(before > 0.0) || !(after > 0.0)) return;
     Eigen::Matrix<double, 1, 9> by = Eigen::Matrix<double, 1, 9>::Zero();
@@ -319,8 +333,7 @@ class Smoother {
     add_step(0, -before);
     add_step(1, after);
     const double variance = noise_.acceleration_density * 0.5 * (before + after);
-    const double weight =
-        robust ? student_weight(change * change / variance, 1.0, noise_.motion_freedom) : 1.0;
+    const double weight = student_weight(change * change / variance, 1.0, noise_.motion_freedom);
     const auto place = [&](Eigen::Index i) {
       return kBlock * (static_cast<Eigen::Index>(k) - 1 + i / 3) + 3 + i % 3;
     };
@@ -346,7 +359,7 @@ class Smoother {
     return out;
   }
 
-  void add(const Measurement& m, bool robust) {
+  void add(const Measurement& m) {
     const auto others = static_cast<Eigen::Index>(m.at.size() - 1);
     const auto frames = static_cast<Eigen::Index>(m.at.size());
     Eigen::VectorXd residual(kPose * others);
@@ -366,9 +379,7 @@ class Smoother {
       by.block<6, 1>(row, kBlock * r + kPose) = d.col(12);
       row += kPose;
     }
-    const Eigen::MatrixXd weighted =
-        robust ? Eigen::MatrixXd(robust_covariance(m, residual).ldlt().solve(by))
-               : Eigen::MatrixXd(m.information * by);
+    const Eigen::MatrixXd weighted = robust_covariance(m, residual).ldlt().solve(by);
     const Eigen::MatrixXd own = by.transpose() * weighted;
     const Eigen::VectorXd down = -(weighted.transpose() * residual);
     for (Eigen::Index a = 0; a < frames; ++a) {
@@ -385,10 +396,10 @@ class Smoother {
         }
       }
     }
-    add_scale(m, robust);
+    add_scale(m);
   }
 
-  void add_scale(const Measurement& m, bool robust) {
+  void add_scale(const Measurement& m) {
     const WindowMeasurement& w = *m.window;
     const Eigen::Index at = kBlock * static_cast<Eigen::Index>(m.place()) + kPose;
     if (!w.log_scale) return;
@@ -398,7 +409,7 @@ class Smoother {
     weights_[m.place()] = std::min(1.0, weight);
     residuals_[m.place()] = off / std::sqrt(variance);
     if (!m.votes) return;
-    const double information = (robust ? weight : 1.0) / (variance * m.alike);
+    const double information = weight / (variance * m.alike);
     normal_.at(at, at) += information;
     right_[at] -= information * off;
   }

@@ -73,6 +73,10 @@ struct TrajectoryPose {
   double way_sigma = 0.0, beside_sigma = 0.0;
 };
 
+/// Weight of a window's scale below which the drive contradicts it: it took something else for the
+/// road.
+constexpr double kLeastWindowWeight = 0.2;
+
 struct Trajectory {
   bool metric = false;
   std::vector<TrajectoryPose> poses;  ///< of every frame taken, ascending

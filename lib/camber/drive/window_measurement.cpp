@@ -134,7 +134,11 @@ std::vector<std::uint8_t> encode(const WindowMeasurement& w) {
   json poses = json::array();
   for (const SE3& pose : w.frame_from_reference) poses.push_back(of_pose(pose));
   json vehicles = json::array();
-  for (const VehicleEstimate& v : w.vehicles.vehicles) vehicles.push_back(of_vehicle(v));
+  for (const VehicleFrame& frame : w.vehicles) {
+    json estimates = json::array();
+    for (const VehicleEstimate& v : frame.vehicles) estimates.push_back(of_vehicle(v));
+    vehicles.push_back({{"id", frame.id}, {"vehicles", std::move(estimates)}});
+  }
   json tracked = json::array();
   for (const auto& t : w.tracked) tracked.push_back({t.frame, t.id, t.track});
   json out = {{"reference", w.reference},
@@ -169,8 +173,11 @@ WindowMeasurement decode_window(const std::vector<std::uint8_t>& bytes) {
     w.metric = from.at("metric");
     w.reason = from.at("reason");
     w.road = road_of(from.at("road"));
-    w.vehicles.id = w.reference;
-    for (const json& v : from.at("vehicles")) w.vehicles.vehicles.push_back(vehicle_of(v));
+    for (const json& frame : from.at("vehicles")) {
+      VehicleFrame& to = w.vehicles.emplace_back();
+      to.id = frame.at("id");
+      for (const json& v : frame.at("vehicles")) to.vehicles.push_back(vehicle_of(v));
+    }
     for (const json& t : from.at("tracked")) w.tracked.push_back({t.at(0), t.at(1), t.at(2)});
     if (from.contains("log_scale")) w.log_scale = from.at("log_scale").get<double>();
     if (from.contains("ego")) w.ego = plane_of(from.at("ego"));

@@ -38,7 +38,7 @@ struct WindowMeasurement {
   std::string reason;                 ///< why something is missing, or what is doubtful
   std::optional<UncertainPlane> ego;  ///< of the reference, m (by log_scale)
   std::vector<RoadSample> road;
-  VehicleFrame vehicles;  ///< of the reference frame
+  std::vector<VehicleFrame> vehicles;  ///< of its frames that have any, ascending
   /// Detections of this window's frames that are one vehicle.
   struct TrackedDetection {
     int frame = 0, id = 0, track = -1;

@@ -208,7 +208,9 @@ class Joiner {
          const std::map<Detection, PlacedDetection>& placed)
       : placed_(placed) {
     for (const WindowMeasurement& w : windows) {
-      for (const VehicleEstimate& v : w.vehicles.vehicles) sets_.add({w.reference, v.id});
+      for (const VehicleFrame& frame : w.vehicles) {
+        for (const VehicleEstimate& v : frame.vehicles) sets_.add({frame.id, v.id});
+      }
       for (const auto& t : w.tracked) sets_.add({t.frame, t.id});
     }
     for (const Link& link : links_of(windows)) {
