@@ -137,6 +137,47 @@ TEST(TrackJoining, AVehicleThatWasHiddenIsTheSame) {
   EXPECT_EQ(hidden(4.0, 0.0).size(), 2U);  // too long ago
 }
 
+TEST(TrackJoining, OneWindowAloneDoesNotTurnAVehicleIntoAnother) {
+  // Two parked cars 3 m apart. The left one is there but in frame 6; the right one was hidden from
+  // frame 3 to 5, and in 6 the only window takes it for the left one.
+  Drive drive;
+  for (int k = 0; k < 12; ++k) {
+    if (k != 6) drive.put(k, 0, {0, 0, 20});
+    if (k < 3 || k > 5) drive.put(k, 1, {3, 0, 20});
+  }
+  drive.window({0, 1, 2, 3}, {{{0, 0}, {1, 0}, {2, 0}, {3, 0}}, {{0, 1}, {1, 1}, {2, 1}}});
+  drive.window({3, 4, 5, 6}, {{{3, 0}, {4, 0}, {5, 0}, {6, 1}}});
+  drive.window({6, 7, 8, 9}, {{{6, 1}, {7, 1}, {8, 1}, {9, 1}}, {{7, 0}, {8, 0}, {9, 0}}});
+  drive.window({8, 9, 10, 11},
+               {{{8, 0}, {9, 0}, {10, 0}, {11, 0}}, {{8, 1}, {9, 1}, {10, 1}, {11, 1}}});
+  const Groups joined = drive.joined();
+  ASSERT_EQ(joined.size(), 2U);
+  for (const std::vector<Detection>& group : joined) {
+    for (const Detection& d : group) EXPECT_EQ(d.second, group.front().second) << d.first;
+  }
+}
+
+TEST(TrackJoining, WindowsOfAStandstillJoinNoFramesASecondApart) {
+  // The camera stands from frame 2 to 11; what is between is measured against these two. One car
+  // leaves the picture in frame 6, another stands where it was seen from the last frame on.
+  Drive drive;
+  for (int k = 0; k < 6; ++k) drive.put(k, 0, {0, 0, 20.0 - 1.5 * k});
+  for (int k = 11; k < 16; ++k) drive.put(k, 1, {1.5, 0, 17});
+  for (int k = 0; k < 16; ++k) drive.put(k, 9, {-3, 0, 30});
+  drive.window({0, 1, 2}, {{{0, 0}, {1, 0}, {2, 0}}, {{0, 9}, {1, 9}, {2, 9}}});
+  for (int k = 3; k < 11; ++k) {
+    Groups tracks = {{{2, 9}, {k, 9}, {11, 9}}, {{2, 0}}};
+    if (k < 6) tracks[1].emplace_back(k, 0);
+    tracks[1].emplace_back(11, 1);
+    drive.window({2, k, 11}, tracks);
+  }
+  drive.window({11, 12, 13, 14, 15}, {{{11, 9}, {12, 9}, {13, 9}, {14, 9}, {15, 9}},
+                                      {{11, 1}, {12, 1}, {13, 1}, {14, 1}, {15, 1}}});
+  for (const std::vector<Detection>& group : drive.joined()) {
+    for (const Detection& d : group) EXPECT_EQ(d.second, group.front().second) << d.first;
+  }
+}
+
 TEST(TrackJoining, NoTwoOfAFrameAreOne) {
   Drive drive;
   for (int k = 0; k < 3; ++k) {

@@ -15,6 +15,7 @@ namespace camber::internal {
 namespace {
 
 constexpr double kMostSquared = 16.0;    // squared Mahalanobis distance of two parts' places
+constexpr double kMostWithin = 0.8;      // the same of two detections that one window places
 constexpr double kViewsAlike = 5.0;      // neighbouring windows share their errors
 constexpr double kSpeedSigma = 15.0;     // m/s, an axis
 constexpr double kAcceleration = 2.0;    // m^2 / s^3, as TrajectoryNoise::acceleration_density
@@ -74,7 +75,7 @@ class TrackSets {
 
 struct Link {
   Detection from, to;
-  bool neighbours = false;  // in every window that makes it
+  bool neighbours = false;  // no frame between them has vehicles
   int votes = 0;            // windows that make it, less those that see both and do not
   bool unanimous = false;
 };
@@ -83,6 +84,10 @@ struct Link {
 std::vector<Link> links_of(const std::vector<WindowMeasurement>& windows) {
   std::map<std::pair<Detection, Detection>, Link> links;
   std::map<std::pair<int, int>, int> windows_with;  // both frames
+  std::set<int> with_vehicles;
+  for (const WindowMeasurement& window : windows) {
+    for (const auto& t : window.tracked) with_vehicles.insert(t.frame);
+  }
   for (const WindowMeasurement& window : windows) {
     if (window.tracked.empty()) continue;
     std::set<int> seen;  // frames with vehicles
@@ -93,10 +98,9 @@ std::vector<Link> links_of(const std::vector<WindowMeasurement>& windows) {
       const auto [at, is_new] = last.emplace(t.track, now);
       if (is_new) continue;
       const Detection before = std::exchange(at->second, now);
-      const bool next = *std::next(seen.find(before.first)) == now.first;
+      const bool next = *std::next(with_vehicles.find(before.first)) == now.first;
       Link& link =
-          links.emplace(std::make_pair(before, now), Link{before, now, true}).first->second;
-      link.neighbours = link.neighbours && next;
+          links.emplace(std::make_pair(before, now), Link{before, now, next}).first->second;
       ++link.votes;
     }
     for (auto a = seen.begin(); a != seen.end(); ++a) {
@@ -213,10 +217,17 @@ class Joiner {
       }
       for (const auto& t : w.tracked) sets_.add({t.frame, t.id});
     }
+    std::vector<Link> doubtful;
     for (const Link& link : links_of(windows)) {
-      if ((link.neighbours && link.unanimous) || goes_on(link)) sets_.join(link.from, link.to);
+      const bool sure = link.neighbours && link.unanimous;
+      if (sure && link.votes < 2 && squared_distance(link.from, link.to) > kMostWithin) {
+        doubtful.push_back(link);
+      } else if (sure || goes_on(link)) {
+        sets_.join(link.from, link.to);
+      }
     }
     if (!placed.empty()) bridge();
+    for (const Link& link : doubtful) sets_.join(link.from, link.to);
   }
   std::vector<std::vector<Detection>> groups() const { return sets_.groups(); }
 
@@ -229,6 +240,18 @@ class Joiner {
       if (found != placed_.end()) out.push_back(found->second.place);
     }
     return out;
+  }
+
+  /// Of two detections that may have moved in between; 0 where one was not placed.
+  double squared_distance(const Detection& a, const Detection& b) const {
+    const auto from = placed_.find(a), to = placed_.find(b);
+    if (from == placed_.end() || to == placed_.end()) return 0.0;
+    const TrackPlace &before = from->second.place, &after = to->second.place;
+    const double way = kSpeedSigma * (after.time_s - before.time_s);
+    const Eigen::Matrix3d covariance =
+        before.covariance + after.covariance + way * way * Eigen::Matrix3d::Identity();
+    const Eigen::Vector3d off = after.in_world - before.in_world;
+    return off.dot(covariance.llt().solve(off));
   }
 
   bool goes_on(const Link& link) {
