@@ -92,6 +92,28 @@ TEST(TrackErrors, ATrackStaysWithItsVehicleWhileTheirBoxesOverlap) {
   EXPECT_EQ(e.false_positives, 1);
 }
 
+TEST(TrackErrors, OneThatIsMissedIsNotTheHiddenOneBehindIt) {
+  // The second is hidden by the first, so that it does not count; both are found but in frame 2,
+  // where only the hidden one is.
+  MadeTracks made(4);
+  for (int i = 0; i < 4; ++i) {
+    TruthVehicle& hidden = made.scene.truth->frames[static_cast<std::size_t>(i)].vehicles[1];
+    hidden.box = MadeTracks::box(0);
+    hidden.box.x1 += 20.0;
+    hidden.box.x2 += 20.0;
+    hidden.occlusion = 0.8;
+    if (i != 2) made.find(i, 0, 5);
+    made.find(i, 0, 6);
+    VehicleEstimate& behind = made.vehicles.frames[static_cast<std::size_t>(i)].vehicles.back();
+    behind.box = hidden.box;
+  }
+  const TrackErrors e = track_errors(made.scene, made.vehicles);
+  EXPECT_EQ(e.id_switches, 0);
+  EXPECT_EQ(e.true_vehicles, 4);
+  EXPECT_EQ(e.matched, 3);
+  EXPECT_EQ(e.false_positives, 0);
+}
+
 TEST(TrackErrors, VehiclesThatDoNotCountAreNeitherMissedNorFalse) {
   MadeTracks made(3);
   for (TruthFrame& frame : made.scene.truth->frames) frame.vehicles[1].occlusion = 0.9;

@@ -50,7 +50,6 @@ std::vector<Pair> overlapping(const Scene& scene, const TruthFrame& truth,
     }
   }
   std::stable_sort(out.begin(), out.end(), [](const Pair& a, const Pair& b) {
-    if (a.counts != b.counts) return a.counts;
     if (a.before != b.before) return a.before;
     return a.overlap > b.overlap;
   });
