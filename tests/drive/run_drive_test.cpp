@@ -16,6 +16,7 @@
 #include "camber/core/errors.h"
 #include "camber/drive/position_scale.h"
 #include "camber/drive/write_drive.h"
+#include "camber/evaluate/metrics.h"
 #include "pipeline/half_scene.h"
 #include "support/test_data.h"
 
@@ -193,6 +194,15 @@ TEST_F(RunDrive, NamesFramesThatCannotBeRead) {
   EXPECT_EQ(result.document.frames[2].status, Status::kWeak);
   EXPECT_NE(result.document.frames[2].reason.find("missing.png"), std::string::npos);
   EXPECT_EQ(result.document.frames[1].status, Status::kOk);
+  // Its vehicles are placed all the same, by keypoints, boxes and sizes.
+  const std::vector<VehicleFrame>& frames = result.tracks.vehicles.frames;
+  ASSERT_EQ(frames.size(), 3U);
+  EXPECT_FALSE(scene_.frames[2].vehicles.empty());
+  for (std::size_t k = 0; k < 3; ++k) {
+    EXPECT_EQ(frames[k].vehicles.size(), scene_.frames[k].vehicles.size()) << k;
+  }
+  const SceneMetrics against = evaluate_vehicles(scene_, result.tracks.vehicles);
+  EXPECT_EQ(against.unanswered, 0);
 }
 
 TEST_F(RunDrive, ACameraThatNeverMovesIsNoDrive) {

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <map>
 #include <optional>
+#include <set>
 #include <stdexcept>
 #include <utility>
 
@@ -13,6 +14,7 @@
 #include "camber/drive/drive_frames.h"
 #include "camber/drive/measure_drive.h"
 #include "camber/drive/position_scale.h"
+#include "camber/pipeline/estimate_vehicles.h"
 #include "camber/pipeline/stage_runner.h"
 
 namespace camber {
@@ -87,6 +89,34 @@ std::vector<WindowMeasurement> windows_without_roads(const WindowLog& log) {
     return a.reference < b.reference;
   });
   return out;
+}
+
+/// Frames whose vehicles no window has placed, each a window without a road: by their keypoints,
+/// boxes and sizes alone.
+void add_frames_without_road(const Scene& scene, const std::vector<int>& frame_ids,
+                             const ReconstructOptions& options,
+                             std::vector<WindowMeasurement>* windows) {
+  std::set<int> placed;
+  for (const WindowMeasurement& w : *windows) {
+    for (const VehicleFrame& frame : w.vehicles) placed.insert(frame.id);
+  }
+  EstimateVehiclesOptions alone;
+  alone.vehicles = options.vehicles;
+  alone.vehicles.method = VehicleMethod::kReprojection;
+  alone.vehicles.num_threads = options.num_threads;
+  std::vector<int> missing;
+  for (const int id : frame_ids) {
+    if (placed.count(id) == 0 && !scene.find_frame(id)->vehicles.empty()) missing.push_back(id);
+  }
+  if (missing.empty()) return;
+  for (VehicleFrame& frame : estimate_vehicles(scene, missing, alone).frames) {
+    for (VehicleEstimate& v : frame.vehicles) v.track = -1;
+    WindowMeasurement w;
+    w.reference = frame.id;
+    w.frames = {frame.id};
+    w.vehicles = {std::move(frame)};
+    windows->push_back(std::move(w));
+  }
 }
 
 void require_motion(const std::vector<WindowMeasurement>& windows) {
@@ -174,6 +204,9 @@ DriveResult run_drive(const Scene& scene, const std::vector<int>& frame_ids,
   out.tracks = run("vehicles", 0.98, [&] {
     std::map<int, double> times;
     for (const DriveFrame& frame : out.document.frames) times[frame.id] = frame.time_s;
+    if (out.trajectory.metric && options.window.vehicles.enabled) {
+      add_frames_without_road(scene, frame_ids, options.window, &windows);
+    }
     return join_tracks(windows, out.trajectory, times, scene.camera.width,
                        options.window.vehicles.fit.prior);
   });
