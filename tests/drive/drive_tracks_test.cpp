@@ -117,7 +117,10 @@ TEST(DriveTracks, WhatIsFasterThanVehiclesIsRejected) {
   EXPECT_EQ(only_track(pass).rejected, "");
   pass = make_pass(15, {-2.0, 1.5, 20.0}, 150.0, 1.0);
   put_ground(&pass);
-  EXPECT_EQ(only_track(pass).rejected.substr(0, 11), "it moves at");
+  for (const DriveTrack& track :
+       join_tracks(pass.windows, pass.trajectory, pass.times, kWidth).tracks) {
+    EXPECT_EQ(track.rejected.substr(0, 11), "it moves at") << track.views.size();
+  }
   pass = make_pass(2, {-2.0, 1.5, 20.0}, 150.0, 1.0);  // two views are no track
   put_ground(&pass);
   EXPECT_EQ(only_track(pass).rejected, "");
@@ -218,6 +221,26 @@ TEST(DriveTracks, EveryFrameOfAWindowHasItsVehicles) {
       EXPECT_NEAR(frame.vehicles[0].pose.bottom_center().z(), z, 0.1 + 0.02 * z) << frame.id;
     }
   }
+}
+
+TEST(DriveTracks, AVehicleIsTakenOutOfAnothersTrack) {
+  // For eight frames one that is parked behind it, 6 m beyond and a little aside, is taken for it.
+  const Eigen::Vector3d place(3.0, 1.5, 32.0), behind(3.8, 1.5, 38.0);
+  Pass pass = make_pass(24, place, 0.0, 1.0);
+  const Pass other = make_pass(24, behind, 0.0, 1.0);
+  for (std::size_t k = 8; k < 16; ++k) pass.windows[k].vehicles = other.windows[k].vehicles;
+  const DriveTracks found = join_tracks(pass.windows, pass.trajectory, pass.times, kWidth);
+  ASSERT_EQ(found.tracks.size(), 2U);
+  for (const DriveTrack& track : found.tracks) {
+    const bool first = track.views[0].frame == 0;
+    EXPECT_TRUE(track.parked);
+    EXPECT_EQ(track.views.size(), first ? 16U : 8U);
+    const Eigen::Vector3d& at = track.views[0].world_from_vehicle.translation();
+    EXPECT_LT((at - (first ? place : behind)).norm(), 0.1);
+  }
+  // In a vehicle's own units nothing tells how far apart they are.
+  pass.trajectory.metric = false;
+  EXPECT_EQ(join_tracks(pass.windows, pass.trajectory, pass.times, kWidth).tracks.size(), 1U);
 }
 
 TEST(DriveTracks, TwoDetectionsOfAFrameAreNeverOneTrack) {

@@ -11,182 +11,14 @@
 
 #include "camber/drive/detail/track_joining.h"
 #include "camber/drive/detail/track_rejection.h"
+#include "camber/drive/detail/vehicle_path.h"
 
 namespace camber {
 namespace {
 
 using internal::Detection;
-
-/// An estimate of a track in its own camera.
-struct Seen {
-  const VehicleEstimate* vehicle = nullptr;
-  int frame = 0;
-  double time = 0.0;
-  SE3 world_from_camera;
-  Eigen::Matrix3d information = Eigen::Matrix3d::Zero();  // of the bottom centre, camera
-  bool cut = false;                                       // by a side of the picture
-
-  Eigen::Vector3d measured() const { return vehicle->pose.bottom_center(); }
-};
-
-constexpr double kDirectionSigma = 0.15;  // m across the ray, of the centre by the visible part
-constexpr double kBoxSigma = 0.003;       // rad
-constexpr double kOwnRange = 0.04;        // relative, of one view beside what its covariance has
-constexpr double kSizeSigma = 0.04;       // relative, of what the size does to all distances
-constexpr double kViewsAlike = 5.0;       // neighbouring windows share their errors
-constexpr double kSpeedSigma = 15.0;      // m/s, of vehicles that move, along their heading
-constexpr double kAcrossSigma = 2.0;      // m/s, across it: it turns, and is known to some degrees
-
-/// Where a vehicle is by all its views: directions, which the pictures show, and distances, which
-/// hang on its size and share a factor. Views from several places measure the factor by the way
-/// between them.
-struct Path {
-  Eigen::Vector3d position = Eigen::Vector3d::Zero();  // at the mean time
-  Eigen::Vector3d velocity = Eigen::Vector3d::Zero();  // m/s; zero: it stands
-  double log_factor = 0.0;
-  Eigen::Matrix3d covariance = Eigen::Matrix3d::Zero();  // of the position
-  double cost = 0.0;  // robust sum of squares, standard deviations, for views that are not alike
-  double log_evidence = 0.0;
-};
-
-class PathFit {
- public:
-  /// @param ahead  heading of one that moves, unit, world; null: it stands.
-  explicit PathFit(const std::vector<Seen>& seen, const Eigen::Vector3d* ahead = nullptr)
-      : size_(ahead ? 7 : 4) {
-    if (ahead) {
-      const Eigen::Matrix3d along = *ahead * ahead->transpose();
-      speed_information_ = along / (kSpeedSigma * kSpeedSigma) +
-                           (Eigen::Matrix3d::Identity() - along) / (kAcrossSigma * kAcrossSigma);
-    }
-    take(seen, [](const Seen& v) { return is_observed(v) && !v.cut; });
-    if (seen_.size() < 2) take(seen, is_observed);
-    if (seen_.size() < 2) take(seen, [](const Seen&) { return true; });
-    for (const Seen* view : seen_) mean_time_ += view->time / static_cast<double>(seen_.size());
-    alike_ = std::min(kViewsAlike, static_cast<double>(seen_.size()));
-  }
-
-  std::optional<Path> solve() {
-    constexpr int kIterations = 15;
-    Eigen::VectorXd at = Eigen::VectorXd::Zero(size_);
-    at.head<3>() = seen_.back()->world_from_camera * seen_.back()->measured();
-    if (size_ == 7) start_moving(&at);
-    Eigen::MatrixXd normal;
-    for (int iteration = 0; iteration < kIterations; ++iteration) {
-      Eigen::VectorXd right;
-      linearise(at, &normal, &right);
-      factor_.compute(normal);
-      if (factor_.info() != Eigen::Success) return std::nullopt;
-      const Eigen::VectorXd change = factor_.solve(right);
-      if (!change.allFinite()) return std::nullopt;
-      at += change;
-    }
-    Path out;
-    out.position = at.head<3>();
-    out.log_factor = at[3];
-    const Eigen::MatrixXd inverse =
-        normal.ldlt().solve(Eigen::MatrixXd::Identity(normal.rows(), normal.cols()));
-    out.covariance = inverse.topLeftCorner<3, 3>();
-    if (size_ == 7) out.velocity = at.tail<3>();
-    out.cost = cost_;
-    out.log_evidence = -0.5 * (cost_ + factor_.vectorD().array().log().sum());
-    if (size_ == 7) out.log_evidence += 0.5 * std::log(speed_information_.determinant());
-    return out;
-  }
-
- private:
-  static constexpr double kFreedom = 4.0;
-
-  /// From rest one that keeps its distance ahead is not found: it seems to stand far away.
-  void start_moving(Eigen::VectorXd* at) const {
-    Eigen::Vector3d mean = Eigen::Vector3d::Zero(), slope = Eigen::Vector3d::Zero();
-    double spread = 0.0;
-    for (const Seen* view : seen_) {
-      const Eigen::Vector3d place = view->world_from_camera * view->measured();
-      const double time = view->time - mean_time_;
-      mean += place / static_cast<double>(seen_.size());
-      slope += time * place;
-      spread += time * time;
-    }
-    at->head<3>() = mean;
-    if (spread > 0.0) at->tail<3>() = slope / spread;
-  }
-
-  static bool is_observed(const Seen& view) {
-    return view.vehicle->status != Status::kNotObservable;
-  }
-
-  template <typename Wanted>
-  void take(const std::vector<Seen>& seen, const Wanted& wanted) {
-    seen_.clear();
-    for (const Seen& view : seen) {
-      if (wanted(view)) seen_.push_back(&view);
-    }
-  }
-
-  /// Direction (two slopes) and logarithm of the distance, over their standard deviations.
-  Eigen::Vector3d residual(const Seen& view, const Eigen::VectorXd& at) const {
-    Eigen::Vector3d place = at.head<3>();
-    if (size_ == 7) place += (view.time - mean_time_) * at.tail<3>();
-    const Eigen::Vector3d here = view.world_from_camera.inverse() * place;
-    const Eigen::Vector3d measured = view.measured();
-    const double range = measured.norm();
-    const Eigen::Vector3d ray = measured / range;
-    const Eigen::Matrix3d covariance = view.vehicle->covariance.topLeftCorner<3, 3>();
-    const double along = ray.dot(covariance * ray);
-    const double own = along > 0.0 ? std::sqrt(along) / range : 0.1;
-    const double direction = std::hypot(kBoxSigma, kDirectionSigma / range);
-    if (!(here.z() > 0.1)) return Eigen::Vector3d::Constant(50.0);
-    return {(here.x() / here.z() - measured.x() / measured.z()) / direction,
-            (here.y() / here.z() - measured.y() / measured.z()) / direction,
-            (std::log(here.norm()) - std::log(range) + at[3]) / std::hypot(own, kOwnRange)};
-  }
-
-  void linearise(const Eigen::VectorXd& at, Eigen::MatrixXd* normal, Eigen::VectorXd* right) {
-    *normal = Eigen::MatrixXd::Zero(size_, size_);
-    *right = Eigen::VectorXd::Zero(size_);
-    cost_ = at[3] * at[3] / (kSizeSigma * kSizeSigma);
-    (*normal)(3, 3) = 1.0 / (kSizeSigma * kSizeSigma);
-    (*right)[3] = -at[3] / (kSizeSigma * kSizeSigma);
-    if (size_ == 7) {
-      const Eigen::Vector3d velocity = at.tail<3>();
-      normal->bottomRightCorner<3, 3>() = speed_information_;
-      right->tail<3>() = -speed_information_ * velocity;
-      cost_ += velocity.dot(speed_information_ * velocity);
-    }
-    for (const Seen* view : seen_) {
-      const Eigen::Vector3d r = residual(*view, at);
-      Eigen::MatrixXd by(3, size_);
-      for (Eigen::Index i = 0; i < size_; ++i) {
-        constexpr double kStep = 1e-5;
-        Eigen::VectorXd up = at, down = at;
-        up[i] += kStep;
-        down[i] -= kStep;
-        by.col(i) = (residual(*view, up) - residual(*view, down)) / (2.0 * kStep);
-      }
-      const double weight = (kFreedom + 3.0) / (kFreedom + r.squaredNorm()) / alike_;
-      *normal += weight * by.transpose() * by;
-      *right -= weight * by.transpose() * r;
-      cost_ += (kFreedom + 3.0) * std::log1p(r.squaredNorm() / kFreedom) / alike_;
-    }
-  }
-
-  Eigen::Index size_;  // position, logarithm of the factor, velocity
-  std::vector<const Seen*> seen_;
-  Eigen::Matrix3d speed_information_ = Eigen::Matrix3d::Zero();
-  double mean_time_ = 0.0, alike_ = 1.0, cost_ = 0.0;
-  Eigen::LDLT<Eigen::MatrixXd> factor_;
-};
-
-/// The place of a vehicle that stands; nothing where its views are rather those of one that moves
-/// (evidence by Laplace's approximation: MacKay, "Information Theory, Inference, and Learning
-/// Algorithms", 2003, chapter 28), either as likely before.
-std::optional<Path> parked_place(const std::vector<Seen>& seen, const Eigen::Vector3d& ahead) {
-  const std::optional<Path> stands = PathFit(seen).solve();
-  const std::optional<Path> moves = PathFit(seen, &ahead).solve();
-  if (!stands || !moves) return stands;
-  return moves->log_evidence > stands->log_evidence ? std::nullopt : stands;
-}
+using internal::SeenVehicle;
+using internal::VehiclePath;
 
 bool is_cut(const Box2& box, int image_width) {
   constexpr double kBorder = 3.0;  // px, as BoxNoise::border_px
@@ -194,12 +26,12 @@ bool is_cut(const Box2& box, int image_width) {
 }
 
 /// Whether a view says where its vehicle is.
-bool is_placed(const Seen& view) {
+bool is_placed(const SeenVehicle& view) {
   return view.vehicle->status != Status::kNotObservable && view.vehicle->status != Status::kFailed;
 }
 
 /// How high a place is above the ground of a view.
-internal::MeasuredLength height_above(const Seen& view, const Path& stands) {
+internal::MeasuredLength height_above(const SeenVehicle& view, const VehiclePath& stands) {
   constexpr double kSlope = 0.02;  // rad: how much a road's slope changes within some lengths
   constexpr double kKerb = 0.15;   // m
   const Plane& plane = view.vehicle->plane;
@@ -214,29 +46,29 @@ internal::MeasuredLength height_above(const Seen& view, const Path& stands) {
   return out;
 }
 
-internal::TrackPlace place_of(const Seen& view) {
+internal::TrackPlace place_of(const SeenVehicle& view) {
   const Eigen::Matrix3d turn = view.world_from_camera.rotation_matrix();
-  const Eigen::Vector3d along = kOwnRange * view.measured();
+  const Eigen::Vector3d along = internal::kOwnRange * view.measured();
   const Eigen::Matrix3d covariance = view.information.inverse() + along * along.transpose();
   return {view.time, view.world_from_camera * view.measured(),
           turn * covariance * turn.transpose()};
 }
 
-internal::TrackEvidence evidence_of(const DriveTrack& track, const std::vector<Seen>& seen,
-                                    const std::optional<Path>& parked, bool metric) {
+internal::TrackEvidence evidence_of(const DriveTrack& track, const std::vector<SeenVehicle>& seen,
+                                    const std::optional<VehiclePath>& parked, bool metric) {
   internal::TrackEvidence out;
   out.vehicle_class = track.vehicle_class;
   if (metric) out.dimensions = track.dimensions;
-  out.speed_sigma = kSpeedSigma;
+  out.speed_sigma = internal::kSpeedSigma;
   if (parked) {
     out.log_factor = parked->log_factor;
-    out.log_factor_sigma = kSizeSigma;
-    for (const Seen& view : seen) {
+    out.log_factor_sigma = internal::kSizeSigma;
+    for (const SeenVehicle& view : seen) {
       if (is_placed(view)) out.heights.push_back(height_above(view, *parked));
     }
   }
   if (!metric) return out;
-  for (const Seen& view : seen) {
+  for (const SeenVehicle& view : seen) {
     if (is_placed(view)) out.places.push_back(place_of(view));
   }
   std::stable_sort(out.places.begin(), out.places.end(),
@@ -254,10 +86,10 @@ Eigen::Matrix3d information_of(const VehicleEstimate& v) {
   return covariance.inverse();
 }
 
-Dimensions mean_dimensions(const std::vector<Seen>& seen) {
+Dimensions mean_dimensions(const std::vector<SeenVehicle>& seen) {
   Eigen::Vector3d sum = Eigen::Vector3d::Zero();
   double weights = 0.0;
-  for (const Seen& view : seen) {
+  for (const SeenVehicle& view : seen) {
     const double weight = view.information.trace();
     const Dimensions& d = view.vehicle->pose.dimensions;
     sum += weight * Eigen::Vector3d(d.length, d.width, d.height);
@@ -287,10 +119,10 @@ double size_sigma(const VehicleEstimate& v) {
 }
 
 /// All views share the prior and what the class's keypoints are off.
-SizeByNear size_by_near(const std::vector<Seen>& seen) {
+SizeByNear size_by_near(const std::vector<SeenVehicle>& seen) {
   Eigen::Vector3d sum = Eigen::Vector3d::Zero();
   double weights = 0.0, sigma = std::numeric_limits<double>::infinity();
-  for (const Seen& view : seen) {
+  for (const SeenVehicle& view : seen) {
     const double ground = kGroundSigma * view.measured().norm();
     const double weight = 1.0 / (kAngularSigma * kAngularSigma + ground * ground);
     const Dimensions& d = view.vehicle->pose.dimensions;
@@ -312,7 +144,7 @@ double width_across(const Dimensions& d, const OrientedBox& pose) {
 }
 
 /// A view given the one size: along its ray to where it appears as large.
-VehicleEstimate given_size(const Seen& view, const SizeByNear& size) {
+VehicleEstimate given_size(const SeenVehicle& view, const SizeByNear& size) {
   VehicleEstimate out = *view.vehicle;
   const Dimensions &own = out.pose.dimensions, &one = size.dimensions;
   const double larger = 0.5 * (std::log(one.height / own.height) +
@@ -340,26 +172,6 @@ VehicleEstimate given_size(const Seen& view, const SizeByNear& size) {
   out.covariance.block<6, 3>(3, 0).setZero();
   out.plane = Plane::through(out.pose.bottom_center(), out.plane.normal);
   return out;
-}
-
-/// The heading of greatest weight: views that see a vehicle the other way round are turned.
-Eigen::Quaterniond mean_rotation(const std::vector<Seen>& seen) {
-  Eigen::Vector3d front = Eigen::Vector3d::Zero(), up = Eigen::Vector3d::Zero();
-  const auto axis = [](const Seen& view, int k) -> Eigen::Vector3d {
-    return (view.world_from_camera.rotation() * view.vehicle->pose.camera_from_vehicle.rotation())
-        .toRotationMatrix()
-        .col(k);
-  };
-  for (const Seen& view : seen) {
-    front += view.information.trace() * axis(view, 0);
-    up += view.information.trace() * axis(view, 1);
-  }
-  up.normalize();
-  Eigen::Matrix3d out;
-  out.col(2) = front.cross(up).normalized();
-  out.col(1) = up;
-  out.col(0) = up.cross(out.col(2)).normalized();
-  return Eigen::Quaterniond(out);
 }
 
 /// The vehicles of each frame by the window whose reference is nearest; by one that the drive
@@ -393,6 +205,35 @@ std::map<int, const VehicleFrame*> vehicle_frames(const std::vector<WindowMeasur
   return out;
 }
 
+std::vector<SeenVehicle> seen_of(const std::vector<Detection>& group,
+                                 const std::map<Detection, SeenVehicle>& views) {
+  std::vector<SeenVehicle> out;
+  for (const Detection& d : group) {
+    const auto view = views.find(d);
+    if (view != views.end()) out.push_back(view->second);
+  }
+  return out;
+}
+
+/// Tracks cut where two vehicles explain their views better than one.
+std::vector<std::vector<Detection>> divided_groups(
+    const std::vector<std::vector<Detection>>& groups,
+    const std::map<Detection, SeenVehicle>& views) {
+  std::vector<std::vector<Detection>> out;
+  for (const std::vector<Detection>& group : groups) {
+    const auto parts = internal::divided(seen_of(group, views));
+    if (parts.size() < 2) {
+      out.push_back(group);
+      continue;
+    }
+    for (const std::vector<SeenVehicle>& part : parts) {
+      std::vector<Detection>& detections = out.emplace_back();
+      for (const SeenVehicle& view : part) detections.emplace_back(view.frame, view.vehicle->id);
+    }
+  }
+  return out;
+}
+
 }  // namespace
 
 std::size_t DriveTracks::num_rejected() const {
@@ -404,7 +245,7 @@ DriveTracks join_tracks(const std::vector<WindowMeasurement>& windows, const Tra
                         const std::map<int, double>& time_of, int image_width,
                         const VehiclePrior* prior) {
   DriveTracks out;
-  std::map<Detection, Seen> views;
+  std::map<Detection, SeenVehicle> views;
   for (const auto& [id, frame] : vehicle_frames(windows, trajectory)) {
     const TrajectoryPose* pose = trajectory.find(id);
     if (!pose) continue;
@@ -425,20 +266,20 @@ DriveTracks join_tracks(const std::vector<WindowMeasurement>& windows, const Tra
   }
   std::map<Detection, VehicleEstimate> answers;
   const VehiclePrior& sizes = prior ? *prior : shipped_vehicle_prior();
-  for (const std::vector<Detection>& group : internal::join_detections(windows, placed)) {
-    std::vector<Seen> seen;
-    for (const Detection& d : group) {
-      const auto view = views.find(d);
-      if (view != views.end()) seen.push_back(view->second);
-    }
+  std::vector<std::vector<Detection>> groups = internal::join_detections(windows, placed);
+  if (trajectory.metric) {
+    groups = internal::bridge_detections(divided_groups(groups, views), placed);
+  }
+  for (const std::vector<Detection>& group : groups) {
+    const std::vector<SeenVehicle> seen = seen_of(group, views);
     if (seen.empty()) continue;
     DriveTrack track;
     track.id = static_cast<int>(out.tracks.size()) + 1;
     track.vehicle_class = seen.front().vehicle->vehicle_class;
     track.dimensions = mean_dimensions(seen);
-    const Eigen::Quaterniond heading = mean_rotation(seen);
-    const std::optional<Path> parked =
-        seen.size() >= 3 ? parked_place(seen, heading * Eigen::Vector3d::UnitX()) : std::nullopt;
+    const Eigen::Quaterniond heading = internal::mean_rotation(seen);
+    const std::optional<VehiclePath> parked =
+        seen.size() >= 3 ? internal::parked_place(seen) : std::nullopt;
     track.parked = parked.has_value();
     if (parked) track.covariance = parked->covariance;
     if (seen.size() >= 3) {
@@ -450,7 +291,7 @@ DriveTracks join_tracks(const std::vector<WindowMeasurement>& windows, const Tra
       size = size_by_near(seen);
       track.dimensions = size->dimensions;
     }
-    for (const Seen& view : seen) {
+    for (const SeenVehicle& view : seen) {
       const bool known = view.vehicle->status != Status::kFailed;
       VehicleEstimate v = size && known ? given_size(view, *size) : *view.vehicle;
       v.track = track.id;

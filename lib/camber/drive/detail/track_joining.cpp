@@ -1,7 +1,6 @@
 #include "camber/drive/detail/track_joining.h"
 
 #include <Eigen/Cholesky>
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <iterator>
@@ -22,8 +21,8 @@ constexpr double kAcceleration = 2.0;    // m^2 / s^3, as TrajectoryNoise::accel
 constexpr double kLongestHidden = 3.0;   // s
 constexpr double kPlainly = 9.0;         // less cost of one that moves
 constexpr std::size_t kViewsAbout = 10;  // that a moving vehicle's velocity is fitted to
-/// m, a car's length: where a place is known no better another vehicle may stand.
-constexpr double kMostSigma = 5.0;
+/// m^3 of a road with vehicles parked on both sides that have one.
+constexpr double kRoadWithOne = 120.0;
 
 using Places = std::vector<TrackPlace>;
 
@@ -183,8 +182,8 @@ std::optional<Whereabouts> whereabouts(const Places& views, bool stands, double 
 }
 
 struct Meeting {
-  double squared = 0.0;  // Mahalanobis distance of the places
-  double sigma = 0.0;    // m, of their difference where it is known worst
+  double squared = 0.0;   // Mahalanobis distance of the places
+  double log_odds = 0.0;  // that they are one vehicle's and not another one's
 };
 
 /// How far the way of an earlier part misses a later one.
@@ -201,8 +200,9 @@ std::optional<Meeting> meeting_of(Places before, Places after) {
   if (!a || !b) return std::nullopt;
   const Eigen::Matrix3d covariance = a->covariance + b->covariance;
   const Eigen::Vector3d off = b->place - a->place;
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(covariance, Eigen::EigenvaluesOnly);
-  return Meeting{off.dot(covariance.llt().solve(off)), std::sqrt(eigen.eigenvalues()[2])};
+  const double squared = off.dot(covariance.llt().solve(off));
+  const double spread = std::pow(2.0 * M_PI, 1.5) * std::sqrt(covariance.determinant());  // m^3
+  return Meeting{squared, std::log(kRoadWithOne / spread) - 0.5 * squared};
 }
 
 /// Joins detections by what was placed of them.
@@ -228,6 +228,16 @@ class Joiner {
     }
     if (!placed.empty()) bridge();
     for (const Link& link : doubtful) sets_.join(link.from, link.to);
+  }
+  /// @param groups  as they are; only hidden vehicles are joined.
+  Joiner(const std::vector<std::vector<Detection>>& groups,
+         const std::map<Detection, PlacedDetection>& placed)
+      : placed_(placed) {
+    for (const std::vector<Detection>& group : groups) {
+      for (const Detection& d : group) sets_.add(d);
+      for (const Detection& d : group) sets_.join(group.front(), d);
+    }
+    bridge();
   }
   std::vector<std::vector<Detection>> groups() const { return sets_.groups(); }
 
@@ -290,13 +300,13 @@ class Joiner {
         if (hidden > kLongestHidden) break;
         if (!(hidden > 0.0) || parts[i].vehicle_class != parts[j].vehicle_class) continue;
         const auto meeting = meeting_of(parts[i].places, parts[j].places);
-        if (!meeting || meeting->sigma > kMostSigma || meeting->squared > kMostSquared) continue;
-        bridges.emplace_back(meeting->squared, i, j);
+        if (!meeting || meeting->log_odds < 0.0) continue;
+        bridges.emplace_back(-meeting->log_odds, i, j);
       }
     }
     std::sort(bridges.begin(), bridges.end());
     std::set<std::size_t> gone_on, gone_before;
-    for (const auto& [squared, i, j] : bridges) {
+    for (const auto& [against, i, j] : bridges) {
       if (gone_on.count(i) > 0 || gone_before.count(j) > 0) continue;
       gone_on.insert(i);
       gone_before.insert(j);
@@ -314,6 +324,12 @@ std::vector<std::vector<Detection>> join_detections(
     const std::vector<WindowMeasurement>& windows,
     const std::map<Detection, PlacedDetection>& placed) {
   return Joiner(windows, placed).groups();
+}
+
+std::vector<std::vector<Detection>> bridge_detections(
+    const std::vector<std::vector<Detection>>& groups,
+    const std::map<Detection, PlacedDetection>& placed) {
+  return Joiner(groups, placed).groups();
 }
 
 }  // namespace camber::internal

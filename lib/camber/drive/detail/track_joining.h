@@ -28,4 +28,9 @@ std::vector<std::vector<Detection>> join_detections(
     const std::vector<WindowMeasurement>& windows,
     const std::map<Detection, PlacedDetection>& placed);
 
+/// Joins groups of detections, no two of one frame, of vehicles that were hidden in between.
+std::vector<std::vector<Detection>> bridge_detections(
+    const std::vector<std::vector<Detection>>& groups,
+    const std::map<Detection, PlacedDetection>& placed);
+
 }  // namespace camber::internal
