@@ -16,6 +16,7 @@ constexpr double kViewsAlike = 5.0;       // neighbouring windows share their er
 constexpr double kAcrossSigma = 2.0;      // m/s, across the heading: it turns, and is known to some
                                           // degrees
 
+/// Least squares with heavy tails.
 class PathFit {
  public:
   /// @param ahead  heading of one that moves, unit, world; null: it stands.
@@ -27,8 +28,9 @@ class PathFit {
       speed_information_ = along / (kSpeedSigma * kSpeedSigma) +
                            (Eigen::Matrix3d::Identity() - along) / (kAcrossSigma * kAcrossSigma);
     }
-    for (const SeenVehicle* view : seen_)
+    for (const SeenVehicle* view : seen_) {
       mean_time_ += view->time / static_cast<double>(seen_.size());
+    }
   }
 
   std::optional<VehiclePath> solve() {
@@ -131,7 +133,9 @@ class PathFit {
   Eigen::LDLT<Eigen::MatrixXd> factor_;
 };
 
-bool is_observed(const SeenVehicle& view) { return view.vehicle->status != Status::kNotObservable; }
+bool is_observed(const SeenVehicle& view) {
+  return view.vehicle->status != Status::kNotObservable && view.measured().allFinite();
+}
 
 /// Views that say where a vehicle is: of one that a side of the picture cuts another centre is
 /// seen.
@@ -280,7 +284,7 @@ Eigen::Quaterniond mean_rotation(const std::vector<SeenVehicle>& seen) {
 std::optional<VehiclePath> parked_place(const std::vector<SeenVehicle>& seen) {
   const Views views = views_of(seen);
   const Eigen::Vector3d ahead = mean_rotation(seen) * Eigen::Vector3d::UnitX();
-  const auto stands = PathFit(views, nullptr, alike(views.size())).solve();
+  auto stands = PathFit(views, nullptr, alike(views.size())).solve();
   const auto moves = PathFit(views, &ahead, alike(views.size())).solve();
   if (!stands || !moves) return stands;
   return moves->log_evidence > stands->log_evidence ? std::nullopt : stands;
