@@ -178,6 +178,30 @@ TEST(TrackJoining, WindowsOfAStandstillJoinNoFramesASecondApart) {
   }
 }
 
+TEST(TrackJoining, FramesThatNoWindowJoinsFallIntoTheirPlace) {
+  // One that moves is seen all the time, in frames 6 and 9 by themselves; another stands beside it.
+  Drive drive;
+  Groups moving(1), parked(1);
+  for (int k = 0; k < 16; ++k) {
+    drive.put(k, 0, {0.5 * k, 0, 20});
+    drive.put(k, 1, {4, 0, 24});
+    if (k == 6 || k == 9) continue;
+    moving[0].emplace_back(k, 0);
+    parked[0].emplace_back(k, 1);
+  }
+  std::vector<int> frames;
+  for (const Detection& d : moving[0]) frames.push_back(d.first);
+  drive.window(frames, {moving[0], parked[0]});
+  drive.window({6}, {});
+  drive.window({9}, {});
+  const Groups joined = drive.joined();
+  ASSERT_EQ(joined.size(), 2U);
+  for (const std::vector<Detection>& group : joined) {
+    EXPECT_EQ(group.size(), 16U);
+    for (const Detection& d : group) EXPECT_EQ(d.second, group.front().second) << d.first;
+  }
+}
+
 TEST(TrackJoining, NoTwoOfAFrameAreOne) {
   Drive drive;
   for (int k = 0; k < 3; ++k) {

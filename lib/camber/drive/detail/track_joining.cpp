@@ -10,13 +10,12 @@
 #include <string>
 #include <tuple>
 
+#include "camber/drive/detail/vehicle_path.h"
+
 namespace camber::internal {
 namespace {
 
 constexpr double kMostSquared = 16.0;    // squared Mahalanobis distance of two parts' places
-constexpr double kMostWithin = 0.8;      // the same of two detections that one window places
-constexpr double kViewsAlike = 5.0;      // neighbouring windows share their errors
-constexpr double kSpeedSigma = 15.0;     // m/s, an axis
 constexpr double kAcceleration = 2.0;    // m^2 / s^3, as TrajectoryNoise::acceleration_density
 constexpr double kLongestHidden = 3.0;   // s
 constexpr double kPlainly = 9.0;         // less cost of one that moves
@@ -186,6 +185,41 @@ struct Meeting {
   double log_odds = 0.0;  // that they are one vehicle's and not another one's
 };
 
+Meeting meeting_of(const Whereabouts& a, const Whereabouts& b) {
+  const Eigen::Matrix3d covariance = a.covariance + b.covariance;
+  const Eigen::Vector3d off = b.place - a.place;
+  const double squared = off.dot(covariance.llt().solve(off));
+  const double spread = std::pow(2.0 * M_PI, 1.5) * std::sqrt(covariance.determinant());  // m^3
+  return Meeting{squared, std::log(kRoadWithOne / spread) - 0.5 * squared};
+}
+
+/// Of one that was hidden against one that is new, in a frame: it comes back after any time as
+/// likely as after its double.
+double log_odds_of_return(double frames) {
+  constexpr double kNew = 0.2;  // vehicles a frame (docs/notes/drives.md)
+  return -std::log(kNew * std::max(1.0, frames));
+}
+
+/// The views nearest to a time, the nearest first.
+Places views_about(const Places& views, double time) {
+  Places out = views;
+  std::stable_sort(out.begin(), out.end(), [&](const TrackPlace& a, const TrackPlace& b) {
+    return std::abs(a.time_s - time) < std::abs(b.time_s - time);
+  });
+  if (out.size() > kViewsAbout) out.resize(kViewsAbout);
+  return out;
+}
+
+/// How far the way of a part, by its views about there, misses another's first view.
+std::optional<Meeting> meeting_at(const Places& about, const Places& inner) {
+  const double time = inner.front().time_s;
+  const bool stands = may_stand(about) && may_stand(inner);
+  const auto a = whereabouts(about, stands, time, time);
+  const auto b = whereabouts(views_about(inner, time), stands, time, time);
+  if (!a || !b) return std::nullopt;
+  return meeting_of(*a, *b);
+}
+
 /// How far the way of an earlier part misses a later one.
 std::optional<Meeting> meeting_of(Places before, Places after) {
   if (before.empty() || after.empty()) return std::nullopt;
@@ -198,11 +232,7 @@ std::optional<Meeting> meeting_of(Places before, Places after) {
   const auto a = whereabouts(before, stands, left, found);
   const auto b = whereabouts(after, stands, found, found);
   if (!a || !b) return std::nullopt;
-  const Eigen::Matrix3d covariance = a->covariance + b->covariance;
-  const Eigen::Vector3d off = b->place - a->place;
-  const double squared = off.dot(covariance.llt().solve(off));
-  const double spread = std::pow(2.0 * M_PI, 1.5) * std::sqrt(covariance.determinant());  // m^3
-  return Meeting{squared, std::log(kRoadWithOne / spread) - 0.5 * squared};
+  return meeting_of(*a, *b);
 }
 
 /// Joins detections by what was placed of them.
@@ -277,7 +307,19 @@ class Joiner {
     Places places;
   };
 
-  void bridge() {
+  /// s, from one frame to the next.
+  double shortest_step() const {
+    double out = kLongestHidden;
+    const TrackPlace* before = nullptr;
+    for (const auto& [detection, placed] : placed_) {
+      const double step = before ? placed.place.time_s - before->time_s : 0.0;
+      if (step > 0.0) out = std::min(out, step);
+      before = &placed.place;
+    }
+    return out;
+  }
+
+  std::vector<Part> parts_by_time() const {
     std::vector<Part> parts;
     for (const std::vector<Detection>& group : sets_.groups()) {
       Part part;
@@ -292,6 +334,13 @@ class Joiner {
     std::stable_sort(parts.begin(), parts.end(), [](const Part& a, const Part& b) {
       return a.places.front().time_s < b.places.front().time_s;
     });
+    return parts;
+  }
+
+  /// What goes on after a gap.
+  void bridge() {
+    const std::vector<Part> parts = parts_by_time();
+    const double step = shortest_step();
     std::vector<std::tuple<double, std::size_t, std::size_t>> bridges;
     for (std::size_t i = 0; i < parts.size(); ++i) {
       const double left = parts[i].places.back().time_s;
@@ -300,8 +349,9 @@ class Joiner {
         if (hidden > kLongestHidden) break;
         if (!(hidden > 0.0) || parts[i].vehicle_class != parts[j].vehicle_class) continue;
         const auto meeting = meeting_of(parts[i].places, parts[j].places);
-        if (!meeting || meeting->log_odds < 0.0) continue;
-        bridges.emplace_back(-meeting->log_odds, i, j);
+        if (!meeting) continue;
+        const double log_odds = meeting->log_odds + log_odds_of_return(hidden / step);
+        if (log_odds >= 0.0) bridges.emplace_back(-log_odds, i, j);
       }
     }
     std::sort(bridges.begin(), bridges.end());
@@ -312,6 +362,31 @@ class Joiner {
       gone_before.insert(j);
       sets_.join(parts[i].first, parts[j].first);
     }
+    insert(step);
+  }
+
+  /// Views between those of a longer part, in frames that no window joins to others.
+  void insert(double step) {
+    const std::vector<Part> parts = parts_by_time();
+    std::vector<std::tuple<double, std::size_t, std::size_t>> insertions;
+    for (std::size_t i = 0; i < parts.size(); ++i) {
+      for (std::size_t j = 0; j < parts.size(); ++j) {
+        const Places &longer = parts[i].places, &inner = parts[j].places;
+        if (inner.size() >= longer.size() || parts[i].vehicle_class != parts[j].vehicle_class ||
+            inner.front().time_s <= longer.front().time_s ||
+            inner.back().time_s >= longer.back().time_s) {
+          continue;
+        }
+        const auto about = views_about(longer, inner.front().time_s);
+        const double away = std::abs(about.front().time_s - inner.front().time_s);
+        const auto meeting = away > kLongestHidden ? std::nullopt : meeting_at(about, inner);
+        if (!meeting) continue;
+        const double log_odds = meeting->log_odds + log_odds_of_return(away / step);
+        if (log_odds >= 0.0) insertions.emplace_back(-log_odds, i, j);
+      }
+    }
+    std::sort(insertions.begin(), insertions.end());
+    for (const auto& [against, i, j] : insertions) sets_.join(parts[i].first, parts[j].first);
   }
 
   const std::map<Detection, PlacedDetection>& placed_;

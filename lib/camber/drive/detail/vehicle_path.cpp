@@ -12,7 +12,6 @@ using Views = std::vector<const SeenVehicle*>;
 
 constexpr double kDirectionSigma = 0.15;  // m across the ray, of the centre by the visible part
 constexpr double kBoxSigma = 0.003;       // rad
-constexpr double kViewsAlike = 5.0;       // neighbouring windows share their errors
 constexpr double kAcrossSigma = 2.0;      // m/s, across the heading: it turns, and is known to some
                                           // degrees
 
@@ -226,13 +225,14 @@ double jump(const SeenVehicle& a, const SeenVehicle& b) {
   return off.dot(both.llt().solve(off));
 }
 
-/// Before which views a track is cut, if it is: where it jumps most. Ascending; the end beside
-/// them.
+/// Before which views a track is cut, if it is: where it jumps (one that brakes does not), most of
+/// all. Ascending; the end beside them.
 std::vector<std::size_t> places_to_cut(const Views& views) {
   constexpr std::size_t kMost = 6;
   std::vector<std::pair<double, std::size_t>> jumps;
   for (std::size_t k = 1; k < views.size(); ++k) {
-    jumps.emplace_back(-jump(*views[k - 1], *views[k]), k);
+    const double size = jump(*views[k - 1], *views[k]);
+    if (size > kMostWithin) jumps.emplace_back(-size, k);
   }
   std::sort(jumps.begin(), jumps.end());
   jumps.resize(std::min(kMost, jumps.size()));

@@ -25,6 +25,10 @@ struct SeenVehicle {
 constexpr double kOwnRange = 0.04;    ///< relative, of one view beside what its covariance has
 constexpr double kSizeSigma = 0.04;   ///< relative, of what the size does to all distances
 constexpr double kSpeedSigma = 15.0;  ///< m/s, of vehicles that move, along their heading
+constexpr double kViewsAlike = 5.0;   ///< neighbouring windows share their errors
+/// Squared Mahalanobis distance, within which two views of one vehicle from one frame to the next
+/// are (docs/notes/drives.md); it may have moved in between.
+constexpr double kMostWithin = 0.8;
 
 /// Where a vehicle is by all its views: directions, which the pictures show, and distances, which
 /// hang on its size and share a factor. Views from several places measure the factor by the way
