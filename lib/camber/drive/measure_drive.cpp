@@ -272,13 +272,14 @@ class Measurer {
     });
     for (std::size_t key = 0; key < keys_.size(); key += every()) {
       if (without.count(keys_[key]) == 0) continue;
-      if (key > 0) measure_about(key - 1);
-      if (key + 1 < keys_.size()) measure_about(key + 1);
+      if (key > 0) measure_about(key - 1, false);
+      if (key + 1 < keys_.size()) measure_about(key + 1, false);
     }
   }
 
   /// The window about a key frame.
-  void measure_about(std::size_t key) {
+  /// @param again  by all rounds where one says little.
+  void measure_about(std::size_t key, bool again = true) {
     const int reference = keys_[key];
     if (log_.has_window(reference)) return;
     const auto side = static_cast<std::size_t>(options_.each_side);
@@ -287,7 +288,7 @@ class Measurer {
     if (first == last) return;  // one frame has no motion
     const std::vector<int> ids(keys_.begin() + static_cast<std::ptrdiff_t>(first),
                                keys_.begin() + static_cast<std::ptrdiff_t>(last) + 1);
-    pend({frames_of(ids), key - first, true});
+    pend({frames_of(ids), key - first, true, again});
   }
 
   /// Windows are measured side by side, and written down in their order.
@@ -295,6 +296,7 @@ class Measurer {
     std::vector<FramePtr> frames;
     std::size_t reference = 0;
     bool whole = true;  // false: the motion alone
+    bool again = true;
   };
 
   /// By one round of matches; once more by all rounds where that measures the scale badly
@@ -308,7 +310,7 @@ class Measurer {
     });
     WindowMeasurement quick = by(vehicles ? vehicle_options_ : road_options_);
     const bool sure = quick.log_scale && quick.scale_sigma <= kSureScale;
-    return sure ? quick : by(window_options_);
+    return sure || !w.again ? quick : by(window_options_);
   }
 
   void pend(PendingWindow window) {
