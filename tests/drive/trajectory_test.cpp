@@ -211,6 +211,46 @@ TEST(Trajectory, StartsAtStepsThatMostWindowsAgreeOn) {
   EXPECT_NEAR(found.whole.length, true_length(made), 3.0 * found.whole.own_sigma);
 }
 
+TEST(Trajectory, FramesThatStandStayInTheirPlace) {
+  // The camera stands from frame 20 on to 29; a car that passes carries one of the windows away.
+  MadeWindows made = make_windows(40, 19, 0.0);
+  for (std::size_t r = 0; r < made.windows.size(); ++r) {
+    WindowMeasurement& w = made.windows[r];
+    if (r < 20 || r > 29) continue;
+    w.frames = {made.ids[19], made.ids[r], made.ids[30]};
+    w.reference = made.ids[r];
+    const SE3 stands = made.truth[20];
+    const double longest = 10.0;
+    w.frame_from_reference = {made.truth[19].inverse() * stands, SE3(),
+                              made.truth[30].inverse() * stands};
+    for (SE3& pose : w.frame_from_reference) pose.set_translation(pose.translation() / longest);
+    if (r == 24) {
+      for (const std::size_t i : {0, 2}) {
+        SE3& pose = w.frame_from_reference[i];
+        pose.set_translation(pose.translation() + Eigen::Vector3d(0.02, 0.0, 0.03));
+      }
+    }
+    w.covariance = 1e-6 * Eigen::MatrixXd::Identity(12, 12);
+    w.log_scale = std::log(longest);
+  }
+  for (std::size_t r : {18U, 19U, 30U, 31U}) made.windows[r].frame_from_reference.clear();
+  std::vector<int> still;
+  for (std::size_t k = 21; k < 30; ++k) still.push_back(made.ids[k]);
+  const auto way = [&](const std::vector<int>& frames) {
+    const Trajectory found =
+        smooth_trajectory(made.ids, made.windows, independent(), {}, nullptr, frames);
+    double out = 0.0;
+    for (std::size_t k = 21; k < 30; ++k) {
+      out += (found.poses[k].world_from_camera.translation() -
+              found.poses[k - 1].world_from_camera.translation())
+                 .norm();
+    }
+    return out;
+  };
+  EXPECT_GT(way({}), 0.3);
+  EXPECT_LT(way(still), 0.06);
+}
+
 TEST(Trajectory, WindowsWhoseMotionIsNoNumberAreLeftOut) {
   MadeWindows made = make_windows(40, 13, 0.0);
   made.windows[10].frame_from_reference[1].set_translation(

@@ -75,7 +75,7 @@ TEST(WindowLog, GoesOnAfterARecordThatIsNotWhole) {
   const nlohmann::json header = {{"frames", {1, 2, 3}}};
   {
     WindowLog log(path, header, false);
-    log.append(FrameRecord{1, FrameRecord::Kind::kKey, ""});
+    log.append(FrameRecord{1, FrameRecord::Kind::kKey, "", true});
     log.append(made_window(2));
     log.append(FrameRecord{2, FrameRecord::Kind::kUnreadable, "damaged"});
     log.append(made_window(3));
@@ -89,6 +89,8 @@ TEST(WindowLog, GoesOnAfterARecordThatIsNotWhole) {
     EXPECT_EQ(references_in(log), std::vector<int>{2}) << cut;
     ASSERT_EQ(log.frames().size(), 2U);
     EXPECT_EQ(log.frames()[1].reason, "damaged");
+    EXPECT_TRUE(log.frames()[0].still);
+    EXPECT_FALSE(log.frames()[1].still);
     EXPECT_TRUE(log.has_window(2));
     EXPECT_FALSE(log.has_window(3));
     log.append(made_window(3));

@@ -3,10 +3,12 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <condition_variable>
 #include <deque>
 #include <exception>
 #include <functional>
+#include <iterator>
 #include <limits>
 #include <memory>
 #include <mutex>
@@ -206,26 +208,48 @@ class Measurer {
               fmt::format("the picture of frame {}", last_->frame.id)};
     }
     const StageTimer timer(look_timings_, "correspondences");
-    const bool key = !last_key_ || is_key(frame);
+    bool still = false;
+    const bool key = !last_key_ || is_key(frame, &still);
+    still = still && last_ && follows(last_->frame.id, id);
     see(frame, key);
-    return {id, key ? FrameRecord::Kind::kKey : FrameRecord::Kind::kBetween, ""};
+    return {id, key ? FrameRecord::Kind::kKey : FrameRecord::Kind::kBetween, "", still};
   }
 
   /// Whether a frame has parallax to the last key frame. What is near may stand still in the
   /// picture (a bonnet, asphalt that a film's coder repeats), and what moves fast is lost over
   /// several frames: so the motion from frame to frame counts, too.
-  bool is_key(const FramePtr& frame) {
+  /// @param still  nothing below the horizon moves from the frame before.
+  bool is_key(const FramePtr& frame, bool* still) {
     const double enough = kEnoughNearParallax * scene_.camera.fx;
     const GrayImage small = shrunk(frame->gray);
     const ImageParallax to_key =
         image_parallax(scene_.camera, shrunk(last_key_->gray), small, kLeastNearMatched, 1);
     if (!to_key.near || *to_key.near >= enough) return true;
-    const double step =
+    const ImageParallax step =
         last_ == last_key_
-            ? to_key.most
-            : image_parallax(scene_.camera, shrunk(last_->gray), small, kLeastNearMatched, 1).most;
-    if (step > kLeastStep) moved_ += step;
+            ? to_key
+            : image_parallax(scene_.camera, shrunk(last_->gray), small, kLeastNearMatched, 1);
+    if (step.most > kLeastStep) moved_ += step.most;
+    *still = step.near && *step.near < kStillNear && step.most < kStillMost && has_contrast(small);
     return moved_ >= kEnoughMoved * enough;
+  }
+
+  bool follows(int before, int id) const {
+    const auto at = std::lower_bound(ids_.begin(), ids_.end(), id);
+    return at != ids_.begin() && *std::prev(at) == before;
+  }
+
+  /// Black and blinded pictures do not show that nothing moves.
+  static bool has_contrast(const GrayImage& image) {
+    const std::size_t from = image.pixels.size() / 2;  // below the middle
+    double sum = 0.0, squares = 0.0;
+    for (std::size_t i = from; i < image.pixels.size(); ++i) {
+      const double value = image.pixels[i];
+      sum += value;
+      squares += value * value;
+    }
+    const auto count = static_cast<double>(image.pixels.size() - from);
+    return squares / count - std::pow(sum / count, 2) > kLeastContrast * kLeastContrast;
   }
 
   void see(const FramePtr& frame, bool key) {
@@ -241,7 +265,8 @@ class Measurer {
     see(cache_.get(keys_.back()), true);
     for (const int id : between_) {
       const FramePtr frame = cache_.get(id);
-      is_key(frame);
+      bool still = false;
+      is_key(frame, &still);
       see(frame, false);
     }
   }
@@ -373,7 +398,10 @@ class Measurer {
   static constexpr int kMostAtOnce = 4;
   static constexpr int kQuickRounds = 1;
   static constexpr double kSureScale = 0.05;  // of a window's own
-  int at_once_;                               // windows
+  // px: a step of 3 mm at most, of pictures that differ by their noise (docs/notes/drives.md)
+  static constexpr double kStillNear = 0.25, kStillMost = 0.4;
+  static constexpr double kLeastContrast = 8.0;  // grey levels
+  int at_once_;                                  // windows
   std::vector<PendingWindow> pending_;
   FrameCache cache_;
   FlowCache flows_;

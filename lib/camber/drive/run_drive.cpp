@@ -133,9 +133,10 @@ void require_motion(const std::vector<WindowMeasurement>& windows) {
 /// The trajectory by the windows, and, where the scene has positions on a map, by these as well.
 Trajectory smooth_on_map(const Scene& scene, const std::vector<int>& frame_ids,
                          const std::vector<WindowMeasurement>& windows,
-                         const TrajectoryNoise& noise, std::optional<DrivePositions>* used) {
+                         const TrajectoryNoise& noise, const std::vector<int>& still,
+                         std::optional<DrivePositions>* used) {
   const std::vector<double> times = frame_times(scene, frame_ids);
-  Trajectory alone = smooth_trajectory(frame_ids, windows, noise, times);
+  Trajectory alone = smooth_trajectory(frame_ids, windows, noise, times, nullptr, still);
   bool by_gravity = false;
   DriveOnMap map;
   map.positions = map_positions(scene, frame_ids, drive_up(scene, alone, windows, &by_gravity));
@@ -147,7 +148,15 @@ Trajectory smooth_on_map(const Scene& scene, const std::vector<int>& frame_ids,
   if (joined.disagreement_sigmas > kMostPositionSigmas) map.positions.at.clear();
   map.log_scale = joined.log_scale;
   map.common_sigma = joined.common_sigma;
-  return smooth_trajectory(frame_ids, windows, noise, times, &map);
+  return smooth_trajectory(frame_ids, windows, noise, times, &map, still);
+}
+
+std::vector<int> still_frames(const std::vector<FrameRecord>& records) {
+  std::vector<int> out;
+  for (const FrameRecord& record : records) {
+    if (record.still) out.push_back(record.frame);
+  }
+  return out;
 }
 
 void name_skipped_frames(const std::vector<FrameRecord>& records, Trajectory* trajectory) {
@@ -189,7 +198,8 @@ DriveResult run_drive(const Scene& scene, const std::vector<int>& frame_ids,
   require_motion(windows);
   std::optional<DrivePositions> positions;
   out.trajectory = run("motion", 0.95, [&] {
-    return smooth_on_map(scene, frame_ids, windows, options.noise, &positions);
+    return smooth_on_map(scene, frame_ids, windows, options.noise, still_frames(log->frames()),
+                         &positions);
   });
   name_skipped_frames(log->frames(), &out.trajectory);
   const std::map<int, double> factors = scale_factors(out.trajectory, windows);

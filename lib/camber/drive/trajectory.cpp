@@ -24,7 +24,7 @@ using detail::SymmetricBand;
 constexpr Eigen::Index kPose = 6, kBlock = 7;  // of a frame: pose, logarithm of its window's scale
 constexpr Eigen::Index kMap = 4;               // a turn about the vertical, a shift
 
-/// What joins frames that no window joins: a camera goes on as it did.
+/// What joins frames beside windows: a camera goes on as it did, or stands.
 struct Bridge {
   std::size_t from = 0, to = 0;
   SE3 to_from_from;  // m
@@ -34,7 +34,8 @@ struct Bridge {
 class Smoother {
  public:
   Smoother(const std::vector<int>& ids, const std::vector<WindowMeasurement>& windows,
-           const TrajectoryNoise& noise, const std::vector<double>& times, const DriveOnMap* map)
+           const TrajectoryNoise& noise, const std::vector<double>& times, const DriveOnMap* map,
+           const std::vector<int>& still)
       : ids_(ids),
         noise_(noise),
         times_(times),
@@ -44,6 +45,7 @@ class Smoother {
     joined_.assign(ids.size(), false);
     scales_.assign(ids.size(), 0.0);
     if (!ids.empty()) start();
+    for (const int id : still) stand(id);
   }
 
   Trajectory solve() {
@@ -143,6 +145,15 @@ class Smoother {
       least = sum;
     }
     return *best;
+  }
+
+  /// What pictures that differ by their noise alone leave open.
+  void stand(int id) {
+    constexpr double kTurn = 1e-3, kShift = 0.005;  // rad, m (docs/notes/drives.md)
+    const auto at = std::lower_bound(ids_.begin(), ids_.end(), id);
+    const auto k = static_cast<std::size_t>(at - ids_.begin());
+    if (k > 0 && at != ids_.end() && *at == id)
+      bridges_.push_back({k - 1, k, SE3(), kTurn, kShift});
   }
 
   SE3 scaled(const Measurement& m, std::size_t k) const {
@@ -602,9 +613,9 @@ const TrajectoryPose* Trajectory::find(int frame) const {
 Trajectory smooth_trajectory(const std::vector<int>& frame_ids,
                              const std::vector<WindowMeasurement>& windows,
                              const TrajectoryNoise& noise, const std::vector<double>& times,
-                             const DriveOnMap* map) {
+                             const DriveOnMap* map, const std::vector<int>& still) {
   if (frame_ids.empty()) return {};
-  return Smoother(frame_ids, windows, noise, times, map).solve();
+  return Smoother(frame_ids, windows, noise, times, map, still).solve();
 }
 
 }  // namespace camber

@@ -112,13 +112,14 @@ struct Trajectory {
 /// @param windows    in the order of their references. One whose motion is not finite, or not in
 ///                   baselines, is left out.
 /// @param times      s, of every frame; empty: nothing is known of speeds.
+/// @param still      ids of frames since the one before which the camera stands, by the pictures.
 /// @param map        positions hold the trajectory where it would drift; how the map lies in the
 ///                   world (a turn about the vertical and a shift) is estimated, too. Null: none.
 /// @throws NoAnswerError if the equations of the windows have no solution.
 Trajectory smooth_trajectory(const std::vector<int>& frame_ids,
                              const std::vector<WindowMeasurement>& windows,
                              const TrajectoryNoise& noise = {},
-                             const std::vector<double>& times = {},
-                             const DriveOnMap* map = nullptr);
+                             const std::vector<double>& times = {}, const DriveOnMap* map = nullptr,
+                             const std::vector<int>& still = {});
 
 }  // namespace camber

@@ -54,7 +54,8 @@ std::optional<Record> next_record(std::istream& in) {
 
 FrameRecord frame_of(const std::vector<std::uint8_t>& bytes) {
   const auto json = nlohmann::json::from_cbor(bytes);
-  return {json.at(0), static_cast<FrameRecord::Kind>(json.at(1).get<int>()), json.at(2)};
+  return {json.at(0), static_cast<FrameRecord::Kind>(json.at(1).get<int>()), json.at(2),
+          json.at(3)};
 }
 
 }  // namespace
@@ -123,8 +124,8 @@ void WindowLog::write(char kind, const std::vector<std::uint8_t>& bytes) {
 }
 
 void WindowLog::append(const FrameRecord& frame) {
-  write('F', nlohmann::json::to_cbor(
-                 nlohmann::json::array({frame.frame, static_cast<int>(frame.kind), frame.reason})));
+  write('F', nlohmann::json::to_cbor(nlohmann::json::array(
+                 {frame.frame, static_cast<int>(frame.kind), frame.reason, frame.still})));
   frames_.push_back(frame);
 }
 

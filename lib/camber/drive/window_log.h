@@ -24,6 +24,7 @@ struct FrameRecord {
   int frame = 0;  ///< id
   Kind kind = Kind::kKey;
   std::string reason;
+  bool still = false;  ///< nothing below the horizon moves from the frame before
 };
 
 /// @throws UsageError that names the first key in which the inputs and options of what is in a
