@@ -205,6 +205,16 @@ TEST_F(RunDrive, NamesFramesThatCannotBeRead) {
   EXPECT_EQ(against.unanswered, 0);
 }
 
+TEST_F(RunDrive, FramesOfWhichNoneCanBeReadAreNamed) {
+  for (SceneFrame& frame : scene_.frames) frame.image = folder_.path() / "missing.png";
+  try {
+    run("windows.log");
+    FAIL() << "no images, no drive";
+  } catch (const NoAnswerError& error) {
+    EXPECT_NE(std::string(error.what()).find("missing.png"), std::string::npos) << error.what();
+  }
+}
+
 TEST_F(RunDrive, ACameraThatNeverMovesIsNoDrive) {
   for (SceneFrame& frame : scene_.frames) frame.image = scene_.frames[0].image;
   EXPECT_THROW(run("windows.log"), NoAnswerError);

@@ -119,7 +119,17 @@ void add_frames_without_road(const Scene& scene, const std::vector<int>& frame_i
   }
 }
 
-void require_motion(const std::vector<WindowMeasurement>& windows) {
+void require_motion(const std::vector<WindowMeasurement>& windows,
+                    const std::vector<FrameRecord>& records) {
+  const auto unreadable = [](const FrameRecord& record) {
+    return record.kind == FrameRecord::Kind::kUnreadable;
+  };
+  const auto lost = std::count_if(records.begin(), records.end(), unreadable);
+  if (windows.empty() && lost + 1 >= static_cast<std::ptrdiff_t>(records.size())) {
+    const auto first = std::find_if(records.begin(), records.end(), unreadable);
+    throw NoAnswerError(
+        fmt::format("{} of {} frames cannot be read: {}", lost, records.size(), first->reason));
+  }
   if (windows.empty()) {
     throw NoAnswerError(
         "the camera does not move: no two frames of the drive show the road from different places");
@@ -195,7 +205,7 @@ DriveResult run_drive(const Scene& scene, const std::vector<int>& frame_ids,
   measure_drive(scene, frame_ids, options, log, &out.timings, progress);
 
   std::vector<WindowMeasurement> windows = windows_without_roads(*log);
-  require_motion(windows);
+  require_motion(windows, log->frames());
   std::optional<DrivePositions> positions;
   out.trajectory = run("motion", 0.95, [&] {
     return smooth_on_map(scene, frame_ids, windows, options.noise, still_frames(log->frames()),
