@@ -1,9 +1,11 @@
 #include "signals.h"
 
+#include <execinfo.h>
 #include <pthread.h>
 #include <semaphore.h>
 #include <unistd.h>
 
+#include <array>
 #include <atomic>
 #include <cerrno>
 #include <climits>
@@ -135,6 +137,10 @@ void watch_signals() {
 void watch_failures() {
   std::set_terminate(on_terminate);
   if (!free_address_space()) return;
+  // What glibc unwinds threads with is loaded at its first use: later, where memory is short, that
+  // fails with a sentence of glibc's own.
+  std::array<void*, 1> frame{};
+  ::backtrace(frame.data(), 1);
   for (const int signal : {SIGSEGV, SIGBUS, SIGABRT}) std::signal(signal, on_breakdown);
 }
 
