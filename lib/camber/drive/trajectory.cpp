@@ -152,8 +152,8 @@ class Smoother {
     constexpr double kTurn = 1e-3, kShift = 0.005;  // rad, m (docs/notes/drives.md)
     const auto at = std::lower_bound(ids_.begin(), ids_.end(), id);
     const auto k = static_cast<std::size_t>(at - ids_.begin());
-    if (k > 0 && at != ids_.end() && *at == id)
-      bridges_.push_back({k - 1, k, SE3(), kTurn, kShift});
+    if (k == 0 || at == ids_.end() || *at != id) return;
+    bridges_.push_back({k - 1, k, SE3(), kTurn, kShift});
   }
 
   SE3 scaled(const Measurement& m, std::size_t k) const {

@@ -101,8 +101,6 @@ std::vector<Measurement> measurements_of(const std::vector<int>& ids,
       const double floor = i % kPose < 3 ? noise.rotation_floor : noise.translation_floor;
       covariance(i, i) += floor * floor;
     }
-    m.information =
-        covariance.ldlt().solve(Eigen::MatrixXd::Identity(covariance.rows(), covariance.cols()));
     m.covariance = std::move(covariance);
     out.push_back(std::move(m));
   }

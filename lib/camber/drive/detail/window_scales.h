@@ -17,7 +17,6 @@ struct Measurement {
   std::vector<std::size_t> at;  // of its frames
   std::size_t reference = 0;    // index into the window's frames
   Eigen::MatrixXd covariance;   // of its relative poses, baselines
-  Eigen::MatrixXd information;  // its inverse
 
   std::size_t place() const { return at[reference]; }
 };
