@@ -46,14 +46,6 @@ internal::MeasuredLength height_above(const SeenVehicle& view, const VehiclePath
   return out;
 }
 
-internal::TrackPlace place_of(const SeenVehicle& view) {
-  const Eigen::Matrix3d turn = view.world_from_camera.rotation_matrix();
-  const Eigen::Vector3d along = internal::kOwnRange * view.measured();
-  const Eigen::Matrix3d covariance = view.information.inverse() + along * along.transpose();
-  return {view.time, view.world_from_camera * view.measured(),
-          turn * covariance * turn.transpose()};
-}
-
 internal::TrackEvidence evidence_of(const DriveTrack& track, const std::vector<SeenVehicle>& seen,
                                     const std::optional<VehiclePath>& parked, bool metric) {
   internal::TrackEvidence out;
@@ -69,7 +61,7 @@ internal::TrackEvidence evidence_of(const DriveTrack& track, const std::vector<S
   }
   if (!metric) return out;
   for (const SeenVehicle& view : seen) {
-    if (is_placed(view)) out.places.push_back(place_of(view));
+    if (is_placed(view)) out.places.push_back(internal::place_of(view));
   }
   std::stable_sort(out.places.begin(), out.places.end(),
                    [](const auto& a, const auto& b) { return a.time_s < b.time_s; });
@@ -262,7 +254,7 @@ DriveTracks join_tracks(const std::vector<WindowMeasurement>& windows, const Tra
   std::map<Detection, internal::PlacedDetection> placed;
   for (const auto& [detection, view] : views) {
     if (!trajectory.metric || view.vehicle->status == Status::kFailed) continue;
-    placed[detection] = {view.vehicle->vehicle_class, place_of(view)};
+    placed[detection] = {view.vehicle->vehicle_class, internal::place_of(view)};
   }
   std::map<Detection, VehicleEstimate> answers;
   const VehiclePrior& sizes = prior ? *prior : shipped_vehicle_prior();

@@ -286,12 +286,7 @@ class Joiner {
   double squared_distance(const Detection& a, const Detection& b) const {
     const auto from = placed_.find(a), to = placed_.find(b);
     if (from == placed_.end() || to == placed_.end()) return 0.0;
-    const TrackPlace &before = from->second.place, &after = to->second.place;
-    const double way = kSpeedSigma * (after.time_s - before.time_s);
-    const Eigen::Matrix3d covariance =
-        before.covariance + after.covariance + way * way * Eigen::Matrix3d::Identity();
-    const Eigen::Vector3d off = after.in_world - before.in_world;
-    return off.dot(covariance.llt().solve(off));
+    return internal::squared_distance(from->second.place, to->second.place);
   }
 
   bool goes_on(const Link& link) {

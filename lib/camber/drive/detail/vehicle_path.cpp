@@ -210,28 +210,13 @@ double log_odds_of_two() {
          std::log(kSizeSigma);
 }
 
-/// Squared Mahalanobis distance of the places of two views, between which one may have moved.
-double jump(const SeenVehicle& a, const SeenVehicle& b) {
-  const auto covariance = [](const SeenVehicle& v) -> Eigen::Matrix3d {
-    const Eigen::Matrix3d turn = v.world_from_camera.rotation_matrix();
-    const Eigen::Vector3d along = kOwnRange * v.measured();
-    return turn * (v.information.inverse() + along * along.transpose()) * turn.transpose();
-  };
-  const double way = kSpeedSigma * (b.time - a.time);
-  const Eigen::Vector3d off =
-      b.world_from_camera * b.measured() - a.world_from_camera * a.measured();
-  const Eigen::Matrix3d both =
-      covariance(a) + covariance(b) + way * way * Eigen::Matrix3d::Identity();
-  return off.dot(both.llt().solve(off));
-}
-
 /// Before which views a track is cut, if it is: where it jumps (one that brakes does not), most of
 /// all. Ascending; the end beside them.
 std::vector<std::size_t> places_to_cut(const Views& views) {
   constexpr std::size_t kMost = 6;
   std::vector<std::pair<double, std::size_t>> jumps;
   for (std::size_t k = 1; k < views.size(); ++k) {
-    const double size = jump(*views[k - 1], *views[k]);
+    const double size = squared_distance(place_of(*views[k - 1]), place_of(*views[k]));
     if (size > kMostWithin) jumps.emplace_back(-size, k);
   }
   std::sort(jumps.begin(), jumps.end());
@@ -274,6 +259,22 @@ std::optional<Another> another_vehicle(const Views& views) {
 }
 
 }  // namespace
+
+TrackPlace place_of(const SeenVehicle& view) {
+  const Eigen::Matrix3d turn = view.world_from_camera.rotation_matrix();
+  const Eigen::Vector3d along = kOwnRange * view.measured();
+  const Eigen::Matrix3d covariance = view.information.inverse() + along * along.transpose();
+  return {view.time, view.world_from_camera * view.measured(),
+          turn * covariance * turn.transpose()};
+}
+
+double squared_distance(const TrackPlace& before, const TrackPlace& after) {
+  const double way = kSpeedSigma * (after.time_s - before.time_s);
+  const Eigen::Matrix3d covariance =
+      before.covariance + after.covariance + way * way * Eigen::Matrix3d::Identity();
+  const Eigen::Vector3d off = after.in_world - before.in_world;
+  return off.dot(covariance.llt().solve(off));
+}
 
 Eigen::Quaterniond mean_rotation(const std::vector<SeenVehicle>& seen) {
   Views views;

@@ -5,6 +5,7 @@
 #include <optional>
 #include <vector>
 
+#include "camber/drive/detail/track_rejection.h"
 #include "camber/geometry/se3.h"
 #include "camber/scene/results.h"
 
@@ -44,6 +45,12 @@ struct VehiclePath {
   /// "Information Theory, Inference, and Learning Algorithms", 2003, chapter 28).
   double log_evidence = 0.0;
 };
+
+/// Where one view has its vehicle.
+TrackPlace place_of(const SeenVehicle& view);
+
+/// Squared Mahalanobis distance of two places, between which a vehicle may have moved.
+double squared_distance(const TrackPlace& before, const TrackPlace& after);
 
 /// The heading of greatest weight: views that see a vehicle the other way round are turned.
 Eigen::Quaterniond mean_rotation(const std::vector<SeenVehicle>& seen);
