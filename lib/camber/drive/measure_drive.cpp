@@ -288,7 +288,7 @@ class Measurer {
     if (key % every() == 0) measure_about(key);
   }
 
-  /// Where a window tells no metres those about the key frames beside it may.
+  /// Where a window does not measure the scale, those about the key frames beside it may.
   void measure_beside_those_without_metres() {
     std::set<int> without;
     log_.for_each_window([&](const WindowMeasurement& w) {
@@ -303,7 +303,7 @@ class Measurer {
   }
 
   /// The window about a key frame.
-  /// @param again  by all rounds where one says little.
+  /// @param again  by all rounds where one measures the scale badly.
   void measure_about(std::size_t key, bool again = true) {
     const int reference = keys_[key];
     if (log_.has_window(reference)) return;

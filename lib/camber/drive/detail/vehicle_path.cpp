@@ -51,7 +51,7 @@ class PathFit {
     out.position = at.head<3>();
     out.log_factor = at[3];
     const Eigen::MatrixXd inverse =
-        normal.ldlt().solve(Eigen::MatrixXd::Identity(normal.rows(), normal.cols()));
+        factor_.solve(Eigen::MatrixXd::Identity(normal.rows(), normal.cols()));
     out.covariance = inverse.topLeftCorner<3, 3>();
     if (size_ == 7) out.velocity = at.tail<3>();
     out.cost = cost_;
@@ -136,29 +136,25 @@ bool is_observed(const SeenVehicle& view) {
   return view.vehicle->status != Status::kNotObservable && view.measured().allFinite();
 }
 
-/// Views that say where a vehicle is: of one that a side of the picture cuts another centre is
-/// seen.
-Views whole_views(const std::vector<SeenVehicle>& seen) {
+template <typename Wanted>
+Views views_where(const std::vector<SeenVehicle>& seen, const Wanted& wanted) {
   Views out;
   for (const SeenVehicle& view : seen) {
-    if (is_observed(view) && !view.cut) out.push_back(&view);
+    if (wanted(view)) out.push_back(&view);
   }
   return out;
 }
 
-/// The same; fewer than two are no track, then all that are observed count, then all.
+/// Measurements of the place: truncated views have a biased centre.
+Views whole_views(const std::vector<SeenVehicle>& seen) {
+  return views_where(seen, [](const SeenVehicle& v) { return is_observed(v) && !v.cut; });
+}
+
+/// The same; where they are fewer than two all that are observed, then all.
 Views views_of(const std::vector<SeenVehicle>& seen) {
   Views out = whole_views(seen);
-  if (out.size() < 2) {
-    out.clear();
-    for (const SeenVehicle& view : seen) {
-      if (is_observed(view)) out.push_back(&view);
-    }
-  }
-  if (out.size() < 2) {
-    out.clear();
-    for (const SeenVehicle& view : seen) out.push_back(&view);
-  }
+  if (out.size() < 2) out = views_where(seen, is_observed);
+  if (out.size() < 2) out = views_where(seen, [](const SeenVehicle&) { return true; });
   return out;
 }
 
